@@ -1,0 +1,38 @@
+"""Example-based texture synthesis: every classic pixel-based algorithm in one batched tensor core.
+
+>>> import torch, torchsynth as ts
+>>> exemplar = torch.rand(3, 32, 32)
+>>> result = ts.synthesize(exemplar, (48, 48), ts.recipes.wei_levoy(levels=2), seed=1)
+>>> tuple(result.image.shape)
+(1, 3, 48, 48)
+"""
+
+from __future__ import annotations
+
+from torchsynth import recipes as recipes
+from torchsynth.config import dump_recipe, load_recipe
+from torchsynth.controls import Controls
+from torchsynth.errors import ConfigError, InputError, OutputError, TorchsynthError
+from torchsynth.exemplar import Exemplar
+from torchsynth.io import read_image, write_image
+from torchsynth.recipe import Recipe
+from torchsynth.result import Level, Result
+from torchsynth.synthesis import synthesize
+
+__all__ = [
+    "ConfigError",
+    "Controls",
+    "Exemplar",
+    "InputError",
+    "Level",
+    "OutputError",
+    "Recipe",
+    "Result",
+    "TorchsynthError",
+    "dump_recipe",
+    "load_recipe",
+    "read_image",
+    "recipes",
+    "synthesize",
+    "write_image",
+]

@@ -1,0 +1,148 @@
+"""What the library accepts: one check for each noun, all of them before any work starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from torchsynth.errors import InputError
+
+_MAX_SEED = 2**63
+
+
+def check_image(image: object, subject: str) -> None:
+    """An image is a float tensor ``(C, H, W)`` or ``(B, C, H, W)``, finite, in [0, 1], not empty.
+
+    Raises:
+        InputError: If it is not.
+
+    Example:
+        >>> check_image(torch.zeros(3, 8, 8), "exemplar")
+    """
+    if not isinstance(image, Tensor):
+        raise InputError(
+            subject, "must be a torch.Tensor", f"it is a {type(image).__name__}",
+            "read files with torchsynth.read_image, convert arrays with torch.from_numpy",
+        )  # fmt: skip
+    if image.dtype not in (torch.float32, torch.float64):
+        raise InputError(
+            subject, "must be float32 or float64 in [0, 1]", f"its dtype is {_name(image.dtype)}",
+            "convert it first, e.g. image.float() / 255 for 8-bit values",
+        )  # fmt: skip
+    if image.ndim not in (3, 4):
+        raise InputError(
+            subject, "must have shape (C, H, W) or (B, C, H, W)",
+            f"its shape is {tuple(image.shape)}", "add or drop dimensions: channels come first",
+        )  # fmt: skip
+    if image.numel() == 0:
+        raise InputError(
+            subject, "must have at least one pixel", f"its shape is {tuple(image.shape)}",
+            "pass a picture that is not empty",
+        )  # fmt: skip
+    _check_values(image, subject)
+
+
+def check_region(region: object, shape: tuple[int, int], subject: str) -> None:
+    """A region is a boolean tensor of the image's height and width with at least one True.
+
+    Raises:
+        InputError: If it is not.
+
+    Example:
+        >>> check_region(torch.ones(4, 5, dtype=torch.bool), (4, 5), "valid")
+    """
+    if not isinstance(region, Tensor) or region.dtype != torch.bool:
+        fact = _name(region.dtype) if isinstance(region, Tensor) else type(region).__name__
+        raise InputError(
+            subject, "must be a boolean tensor", f"it is {fact}", "compare it, e.g. picture > 0.5"
+        )
+    if tuple(region.shape) != shape:
+        raise InputError(
+            subject, f"must have the image's shape {shape}",
+            f"its shape is {tuple(region.shape)}", "crop or resize it to the image",
+        )  # fmt: skip
+    if not bool(region.any()):
+        raise InputError(
+            subject, "must be True somewhere", "it is False everywhere", "mark the usable part True"
+        )
+
+
+def check_size(size: object) -> tuple[int, int]:
+    """A size is two whole numbers, height and width, each at least 1.
+
+    Raises:
+        InputError: If it is not.
+
+    Example:
+        >>> check_size((64, 96))
+        (64, 96)
+    """
+    sides = tuple(size) if isinstance(size, Sequence) and not isinstance(size, str) else ()
+    whole = [side for side in sides if isinstance(side, int) and not isinstance(side, bool)]
+    if len(sides) != 2 or len(whole) != 2:
+        raise InputError(
+            "size", "must be two whole numbers, height and width", f"it is {size!r}",
+            "pass e.g. size=(256, 256)",
+        )  # fmt: skip
+    if min(whole) < 1:
+        raise InputError(
+            "size", "height and width must be at least 1 pixel", f"they are {whole[0]}x{whole[1]}",
+            "ask for at least 1x1",
+        )  # fmt: skip
+    return whole[0], whole[1]
+
+
+def check_seeds(seed: object, outputs: int | None) -> list[int]:
+    """A seed is a whole number from 0 to 2**63 - 1, or a list of them: one for each output.
+
+    Args:
+        seed: The seed or seeds. One number stands for ``seed, seed + 1, ...`` where there are several
+            outputs.
+        outputs: How many outputs there have to be; None if the seeds decide it.
+
+    Raises:
+        InputError: If a seed is out of range or there are too many or too few.
+
+    Example:
+        >>> check_seeds(7, 3)
+        [7, 8, 9]
+    """
+    several = isinstance(seed, Sequence) and not isinstance(seed, str)
+    seeds = list(seed) if isinstance(seed, Sequence) and several else [seed]
+    if not seeds:
+        raise InputError("seed", "must name at least one output", "the list is empty", "pass a number")
+    whole = [one for one in seeds if isinstance(one, int) and not isinstance(one, bool)]
+    if len(whole) != len(seeds) or not all(0 <= one < _MAX_SEED for one in whole):
+        raise InputError(
+            "seed", "must be a whole number from 0 to 2**63 - 1, or a list of such numbers",
+            f"it is {seed!r}", "pass e.g. seed=0",
+        )  # fmt: skip
+    if outputs is not None and not several:
+        whole = [whole[0] + item for item in range(outputs)]
+    if outputs is not None and len(whole) != outputs:
+        raise InputError(
+            "seed", f"a batch of {outputs} exemplars needs {outputs} seeds",
+            f"there are {len(whole)}", "pass one seed for each exemplar, or a single number",
+        )  # fmt: skip
+    return whole
+
+
+def _check_values(image: Tensor, subject: str) -> None:
+    finite = image.isfinite()
+    if not bool(finite.all()):
+        raise InputError(
+            subject, "must be finite", f"{int((~finite).sum())} of its values are NaN or infinite",
+            "replace them, e.g. with torch.nan_to_num",
+        )  # fmt: skip
+    low, high = image.min().item(), image.max().item()
+    if low < 0 or high > 1:
+        raise InputError(
+            subject, "values must lie in [0, 1]", f"they reach from {low:g} to {high:g}",
+            "rescale them, e.g. divide 8-bit values by 255",
+        )  # fmt: skip
+
+
+def _name(dtype: torch.dtype) -> str:
+    return str(dtype).removeprefix("torch.")

@@ -1,0 +1,191 @@
+"""The command line: ``torchsynth synthesize``, ``recipes``, ``show``, ``schema``, ``samples``, ``rerun``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from torchsynth import config, jobs
+from torchsynth.errors import ConfigError, TorchsynthError
+from torchsynth.progress import progress_bar
+from torchsynth.recipes import RECIPES
+from torchsynth.samples import PREFIX, SAMPLES
+
+app = typer.Typer(
+    help="Example-based texture synthesis: give a small sample, get as much texture as you want.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Overwrite = Annotated[bool, typer.Option(help="Replace files that are there already.")]
+Output = Annotated[
+    Path, typer.Option("-o", "--output", help="The picture to write: .png, .tif, .bmp, .webp or .jpg.")
+]
+
+
+@app.command()
+def synthesize(
+    exemplar: Annotated[str, typer.Argument(help="The sample picture, or sample:NAME for a built-in one.")],
+    output: Output,
+    recipe: Annotated[
+        str | None,
+        typer.Option(
+            help="A recipe by name; see 'torchsynth recipes'. [default: wei_levoy]", show_default=False
+        ),
+    ] = None,
+    config_file: Annotated[Path | None, typer.Option("--config", help="A recipe from a YAML file.")] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Change one value of the recipe, e.g. levels=3 or sweeps[0].layers[0].template.size=7.",
+        ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HxW",
+            help="Height and width of the output. [default: twice the exemplar's]",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Which texture of the many possible ones.")] = 0,
+    count: Annotated[
+        int, typer.Option(min=1, help="How many outputs; their seeds are SEED, SEED + 1, ...")
+    ] = 1,
+    valid: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Sample only where this picture is white.")
+    ] = None,
+    initial: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Start from this picture instead of noise.")
+    ] = None,
+    levels_dir: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Also write every pyramid level here.")
+    ] = None,
+    source_map: Annotated[
+        Path | None, typer.Option(metavar="FILE.npz", help="Also write where each pixel was copied from.")
+    ] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Make new texture that looks like the exemplar.
+
+    Beside OUT.png a record OUT.json is written; 'torchsynth rerun OUT.json' makes the same bytes again.
+    With --count N the files are OUT-0.png to OUT-(N-1).png.
+    """
+    if recipe is not None and config_file is not None:
+        raise ConfigError("--recipe and --config", "only one of them can be given", "both are", "drop one")
+    job = jobs.Job(
+        exemplar=exemplar,
+        recipe=config.load_recipe(config_file or recipe or "wei_levoy", changes or ()),
+        size=None if size is None else jobs.parse_size(size),
+        seeds=tuple(range(seed, seed + count)),
+        valid=valid,
+        initial=initial,
+    )
+    files = jobs.Files(output, levels_dir, source_map, overwrite)
+    _run(job, files)
+
+
+@app.command()
+def rerun(
+    record: Annotated[Path, typer.Argument(help="The .json that was written beside a picture.")],
+    output: Output,
+    overwrite: Overwrite = False,
+) -> None:
+    """Make a picture again from its record: the same bytes, with the same versions."""
+    _run(jobs.load_record(record), jobs.Files(output, None, None, overwrite))
+
+
+@app.command()
+def recipes() -> None:
+    """List the recipes, one line each."""
+    _table({name: make().description for name, make in RECIPES.items()})
+
+
+@app.command()
+def samples() -> None:
+    """List the built-in samples; each can be used wherever an image file can."""
+    _table({f"{PREFIX}{name}": about for name, about in SAMPLES.items()})
+
+
+@app.command()
+def show(recipe: Annotated[str, typer.Argument(help="A recipe's name, or a YAML file.")]) -> None:
+    """Print a recipe as YAML: a start for one of your own."""
+    typer.echo(config.dump_recipe(config.load_recipe(recipe)), nl=False)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of recipe files, for editors."""
+    typer.echo(json.dumps(config.recipe_schema(), indent=2))
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"torchsynth {version('torchsynth-textures')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    show_version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit code: 0, or 2 with one line about what was wrong.
+
+    Args:
+        arguments: As in a shell; None means this process's own.
+
+    Example:
+        >>> main(["show", "nothing"])
+        2
+    """
+    try:
+        app(arguments)
+    except TorchsynthError as error:
+        return _fail(str(error))
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else 0
+    return 0
+
+
+def entry_point() -> None:
+    """What the ``torchsynth`` script calls."""
+    sys.exit(main())
+
+
+def _fail(message: str) -> int:
+    typer.secho(f"error: {message}", err=True, fg="red" if sys.stderr.isatty() else None)
+    return 2
+
+
+def _run(job: jobs.Job, files: jobs.Files) -> None:
+    try:
+        with progress_bar() as progress:
+            written = jobs.run(job, files, progress)
+    except KeyboardInterrupt:
+        raise typer.Exit(_fail("cancelled: no file was left unfinished")) from None
+    for path in written:
+        typer.echo(path)
+
+
+def _table(rows: dict[str, str]) -> None:
+    table = Table.grid(padding=(0, 3))
+    for name, about in rows.items():
+        table.add_row(name, about)
+    Console(width=None if sys.stdout.isatty() else 200).print(table)

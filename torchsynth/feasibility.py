@@ -1,0 +1,125 @@
+"""Does this recipe fit this exemplar, this size and this machine? Asked before any work starts."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+
+from torchsynth._typing import Image
+from torchsynth.errors import InputError
+from torchsynth.lattice import Shape
+from torchsynth.neighborhood import Layer, Plane, candidates, layer_weights, layers_at
+from torchsynth.recipe import Recipe
+from torchsynth.search.base import MEMORY_BUDGET
+from torchsynth.sweep import Sweep
+
+# The largest partial sum that float32 is sure to hold exactly, and what one feature can add to it:
+# |x|^2 - 2 q.x with both from -128 to 127.
+_EXACT_FLOAT32 = 2**24
+_LARGEST_TERM = 3 * 128**2
+
+_FALLBACK_MEMORY = 16 * 2**30
+
+
+def matching_dtype(recipe: Recipe, channels: int) -> torch.dtype:
+    """The narrowest float type in which every distance of the recipe is exact.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> matching_dtype(recipes.wei_levoy(), channels=1), matching_dtype(recipes.wei_levoy(), channels=8)
+        (torch.float32, torch.float64)
+    """
+    widest = max(_weighted_features(sweep) for sweep in recipe.sweeps) * channels
+    return torch.float32 if widest * _LARGEST_TERM <= _EXACT_FLOAT32 else torch.float64
+
+
+def check_candidates(recipe: Recipe, planes: Sequence[Plane]) -> None:
+    """Every sweep must find at least one candidate at every level it runs on.
+
+    Args:
+        recipe: The recipe.
+        planes: The exemplar's planes by level.
+
+    Raises:
+        InputError: If the exemplar, or the part of it that may be sampled, is too small.
+    """
+    for level in range(recipe.levels):
+        for sweep in recipe.sweeps_at(level):
+            layers = layers_at(sweep.layers, level, recipe.levels)
+            if not bool(candidates(layers, planes, level).any()):
+                raise _no_candidates(layers, planes, level)
+
+
+def check_memory(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> None:
+    """What a run holds in memory at once must fit this machine.
+
+    Raises:
+        InputError: If it does not; the message says what it would take.
+    """
+    needed, available = memory_needed(recipe, samples, size, outputs), _machine_memory()
+    if needed > available:
+        raise InputError(
+            "size", f"must fit the {_gibibytes(available)} of memory of this machine",
+            f"{outputs} output(s) of {size[0]}x{size[1]} would take about {_gibibytes(needed)}",
+            "ask for a smaller size, or make the outputs one after another",
+        )  # fmt: skip
+
+
+def memory_needed(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> int:
+    """About how many bytes a run takes at its peak, beyond the libraries themselves.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> memory_needed(recipes.wei_levoy(), torch.rand(1, 1, 128, 128), (256, 256), 1) < 300 * 2**20
+        True
+    """
+    exemplars, channels, height, width = samples.shape
+    item = 4 if matching_dtype(recipe, channels) == torch.float32 else 8
+    # Per output pixel: noise twice in float64; start, picture and matching values per channel; the
+    # source twice as int64, a draw, the order, the cost.
+    pixel = channels * (16 + 2 * samples.element_size() + item) + 60
+    features = max(
+        channels * sum(len(layer.template.offsets()) for layer in sweep.layers) for sweep in recipe.sweeps
+    )
+    index = 3 * exemplars * height * width * features * item
+    # A pyramid holds 4/3 of its finest level.
+    return outputs * math.prod(size) * pixel * 4 // 3 + index + 3 * MEMORY_BUDGET
+
+
+def _weighted_features(sweep: Sweep) -> int:
+    weights = layer_weights(sweep.layers, sweep.normalize)
+    return sum(
+        weight * len(layer.template.offsets()) for layer, weight in zip(sweep.layers, weights, strict=True)
+    )
+
+
+def _no_candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int) -> InputError:
+    height, width = planes[level].shape
+    open_planes = [replace(plane, valid=None) for plane in planes]
+    if bool(candidates(layers, open_planes, level).any()):
+        return InputError(
+            "valid", f"must hold at least one whole neighborhood at level {level}",
+            "none lies inside it", "mark a larger region, or use fewer levels or a smaller neighborhood",
+        )  # fmt: skip
+    templates = " + ".join(f"{layer.template.size}x{layer.template.size} {layer.plane}" for layer in layers)
+    fewer = f"levels <= {level}, " if level else ""
+    return InputError(
+        "exemplar", f"the {templates} neighborhood must fit inside level {level}",
+        f"that level is only {height}x{width}",
+        f"use {fewer}a smaller neighborhood or a larger exemplar",
+    )  # fmt: skip
+
+
+def _machine_memory() -> int:
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):  # not every system can say
+        return _FALLBACK_MEMORY
+
+
+def _gibibytes(amount: int) -> str:
+    return f"{amount / 2**30:,.1f} GiB"

@@ -1,0 +1,247 @@
+"""Neighborhoods as feature vectors: layers, planes, and gathering from both sides.
+
+What is compared is a list of *layers*. A layer says which template is laid on which *plane*, and how
+much it counts. The same list is gathered from the exemplar, once for all candidates, and from the
+output, for the pixels whose turn it is; both give vectors with the same meaning at every place.
+
+Matching is done on whole numbers: each channel is rounded to 256 steps around zero. Sums of products
+of whole numbers below 2**24 are exact in float32, whatever the order of summation, so that results
+do not depend on batch sizes, threads or machines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal, Self
+
+import torch
+from jaxtyping import Int64
+from pydantic import Field, model_validator
+from torch import Tensor
+
+from torchsynth._typing import Cells, Features, Image, Offsets, Region, Values
+from torchsynth.lattice import Boundary, Reads, Shape, parents, read, to_cells
+from torchsynth.part import Part
+from torchsynth.template import Template
+
+STEPS = 255
+"""Matching distinguishes this many steps between black and white."""
+
+# Candidates gathered at once: bounds the intermediate copies, not the result.
+_CHUNK = 1 << 16
+
+
+class Layer(Part):
+    """One template laid on one plane.
+
+    Args:
+        plane: ``result`` is the level being synthesized (the exemplar's same level on the other side);
+            ``coarse`` is a finished coarser level, read around the pixel's parent.
+        template: Which neighbors are compared.
+        weight: How much each of their squared differences counts, a whole number. Visible effect: a
+            heavier coarse layer keeps more of the coarse structure, a heavier result layer is smoother.
+        up: For ``coarse``: how many levels up, 1 if not given. A layer that would read above the coarsest level is
+            left out there, so the coarsest level is matched on ``result`` alone.
+
+    Example:
+        >>> from torchsynth.template import Causal
+        >>> Layer(plane="result", template=Causal(size=9)).weight
+        1
+    """
+
+    plane: Literal["result", "coarse"]
+    template: Template
+    weight: Annotated[int, Field(ge=1, le=1000)] = 1
+    up: Annotated[int, Field(ge=1)] | None = None
+
+    @model_validator(mode="after")
+    def _up_needs_coarse(self) -> Self:
+        if self.up is not None and self.plane != "coarse":
+            raise ValueError("'up' is for the coarse plane; a result layer reads its own level")
+        return self
+
+    @property
+    def steps_up(self) -> int:
+        """How many levels above the synthesized one the layer reads."""
+        return (self.up or 1) if self.plane == "coarse" else 0
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A picture that neighborhoods are read from.
+
+    Args:
+        values: Whole numbers from -128 to 127, one row for each pixel.
+        shape: Height and width.
+        boundary: What a neighborhood finds beyond the border.
+        valid: Where it may be read at all; None means everywhere.
+    """
+
+    values: Values
+    shape: Shape
+    boundary: Boundary
+    valid: Region | None = None
+
+
+@dataclass(frozen=True)
+class Index:
+    """The candidates of one level: their feature vectors and where each of them lies.
+
+    Args:
+        features: ``(E, candidates, features)``: one set for each exemplar.
+        sites: The flat exemplar position of each candidate, ascending.
+        weights: How much each feature's squared difference counts: whole numbers.
+    """
+
+    features: Features
+    sites: Int64[Tensor, " candidates"]
+    weights: Int64[Tensor, " features"]
+
+
+def quantize(image: Image, dtype: torch.dtype) -> Values:
+    """Round a picture to the whole numbers -128..127 that matching works on.
+
+    Example:
+        >>> quantize(torch.tensor([[[[0.0, 0.5, 1.0]]]]), torch.float32).flatten().tolist()
+        [-128.0, 0.0, 127.0]
+    """
+    steps = (image * STEPS).round().clamp(0, STEPS) - (STEPS + 1) // 2
+    return steps.flatten(2).transpose(1, 2).to(dtype).contiguous()
+
+
+def layers_at(layers: Sequence[Layer], level: int, levels: int) -> tuple[Layer, ...]:
+    """The layers that exist at a level: those that read no higher than the coarsest one."""
+    return tuple(layer for layer in layers if level + layer.steps_up < levels)
+
+
+def layer_weights(layers: Sequence[Layer], normalize: bool) -> tuple[int, ...]:
+    """What each squared difference of each layer counts.
+
+    With ``normalize``, a layer's weight is shared out among its neighbors, so that two layers of
+    weight 1 count the same whatever their templates; the shares are scaled up to whole numbers.
+
+    Example:
+        >>> from torchsynth.template import Causal, Square
+        >>> causal = Layer(plane="result", template=Causal(size=9))
+        >>> square = Layer(plane="coarse", template=Square(size=5))
+        >>> layer_weights((causal, square), normalize=True)
+        (5, 8)
+    """
+    if not normalize:
+        return tuple(layer.weight for layer in layers)
+    counts = [len(layer.template.offsets()) for layer in layers]
+    common = math.lcm(*counts)
+    shares = [layer.weight * common // count for layer, count in zip(layers, counts, strict=True)]
+    return tuple(share // math.gcd(*shares) for share in shares)
+
+
+def candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int) -> Region:
+    """Which exemplar positions have every layer's neighborhood wholly inside, and valid.
+
+    Args:
+        layers: The layers that exist at this level.
+        planes: The exemplar's planes by level.
+        level: The level whose positions are asked for.
+    """
+    height, width = planes[level].shape
+    everywhere = torch.ones(height, width, dtype=torch.bool, device=planes[level].values.device)
+    own = planes[level].valid
+    usable = everywhere if own is None else own.clone()
+    cells = to_cells(torch.arange(height * width, device=usable.device), width)
+    for layer in layers:
+        whole = _whole_neighborhoods(layer, planes[level + layer.steps_up])
+        centers = parents(cells, layer.steps_up)
+        # Sides round down, so the last row or column of an odd level has no parent.
+        last = torch.tensor(whole.shape, device=centers.device) - 1
+        has_parent = (centers <= last).all(1)
+        rows, columns = centers.minimum(last).unbind(1)
+        usable &= (whole[rows, columns] & has_parent).view(height, width)
+    return usable
+
+
+def gather_candidates(
+    layers: Sequence[Layer], weights: Sequence[int], planes: Sequence[Plane], level: int
+) -> Index:
+    """Read the neighborhoods of every candidate of a level: what the searchers are fitted on."""
+    usable = candidates(layers, planes, level)
+    sites = usable.flatten().nonzero().squeeze(1)
+    blocks, repeated = [], []
+    for layer, weight in zip(layers, weights, strict=True):
+        plane = planes[level + layer.steps_up]
+        cells = parents(to_cells(sites, usable.shape[1]), layer.steps_up)
+        blocks.append(_gather_windows(layer, plane, cells))
+        repeated.append(torch.full((blocks[-1].shape[2],), weight, device=sites.device))
+    return Index(torch.cat(blocks, dim=2), sites, torch.cat(repeated))
+
+
+def gather(plane: Plane, reads: Reads) -> Features:
+    """Read neighborhoods from an output plane; what does not exist comes out as 0."""
+    batch, _, channels = plane.values.shape
+    sites = len(reads.positions)
+    found = plane.values.index_select(1, reads.positions.flatten())
+    features = found.view(batch, sites, -1)
+    if reads.inside is None:
+        return features
+    return features * reads.inside.repeat_interleave(channels, dim=1)
+
+
+def reads_of(layer: Layer, plane: Plane, cells: Cells) -> Reads:
+    """Where a layer reads an output plane for the given cells of the synthesized level."""
+    offsets = layer.template.offsets().to(cells.device)
+    return read(parents(cells, layer.steps_up), offsets, plane.shape, plane.boundary)
+
+
+@dataclass(frozen=True)
+class _Box:
+    """The smallest box around a template and its pixel, and where these lie in it."""
+
+    height: int
+    width: int
+    pixel: tuple[int, int]
+    inside: Offsets
+
+    @classmethod
+    def of(cls, layer: Layer, device: torch.device) -> _Box:
+        offsets = layer.template.offsets().to(device)
+        reach = torch.cat((offsets, torch.zeros_like(offsets[:1])))
+        corner = reach.amin(0)
+        height, width = (reach.amax(0) - corner + 1).tolist()
+        top, left = (-corner).tolist()
+        return cls(height, width, (top, left), offsets - corner)
+
+    def windows(self, picture: Tensor) -> Tensor:
+        """Unfold ``(..., H, W, C)`` into a view of all such boxes: ``(..., H', W', C, h, w)``."""
+        return picture.unfold(-3, self.height, 1).unfold(-3, self.width, 1)
+
+
+def _whole_neighborhoods(layer: Layer, plane: Plane) -> Region:
+    """Where the layer's template lies inside the plane, on valid pixels only."""
+    valid = plane.valid
+    if valid is None:
+        valid = torch.ones(plane.shape, dtype=torch.bool, device=plane.values.device)
+    whole = torch.zeros_like(valid)
+    box = _Box.of(layer, valid.device)
+    if plane.shape[0] < box.height or plane.shape[1] < box.width:
+        return whole
+    windows = box.windows(valid.unsqueeze(-1))
+    fits = windows[:, :, 0, box.inside[:, 0], box.inside[:, 1]].all(-1)
+    top, left = box.pixel
+    whole[top : top + fits.shape[0], left : left + fits.shape[1]] = fits
+    return whole
+
+
+def _gather_windows(layer: Layer, plane: Plane, cells: Cells) -> Features:
+    """The neighborhoods around cells that lie well inside an exemplar plane, by unfolding it."""
+    samples, _, channels = plane.values.shape
+    box = _Box.of(layer, cells.device)
+    windows = box.windows(plane.values.view(samples, *plane.shape, channels))
+    features = plane.values.new_empty(samples, len(cells), len(box.inside) * channels)
+    for start in range(0, len(cells), _CHUNK):
+        chunk = cells[start : start + _CHUNK] - torch.tensor(box.pixel, device=cells.device)
+        rows, columns = chunk.unsqueeze(1).unbind(2)
+        # (sites, neighbors, E, C): the indexed axes come first.
+        found = windows[:, rows, columns, :, box.inside[:, 0], box.inside[:, 1]]
+        features[:, start : start + _CHUNK] = found.permute(2, 0, 1, 3).flatten(2)
+    return features

@@ -1,0 +1,97 @@
+"""Gaussian pyramids of images and of white noise. Level 0 is the finest, the image itself."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import torch
+from kornia.contrib import histogram_matching
+from kornia.geometry import pyrdown
+
+from torchsynth._typing import Image
+from torchsynth.lattice import Boundary, Shape
+
+Border: TypeAlias = Literal["circular", "reflect"]
+"""What the blur sees beyond the border: the other side, or the mirrored picture."""
+
+# kornia's circular padding of 2 needs a side of 2, its reflecting one a side of 3.
+_MINIMUM_SIDE = 3
+
+
+def border_of(boundary: Boundary) -> Border:
+    """The blur's border for an output of this boundary: a torus is blurred around the edge."""
+    return "circular" if boundary == "torus" else "reflect"
+
+
+def level_shapes(shape: Shape, levels: int) -> tuple[Shape, ...]:
+    """Height and width of each level, the finest first.
+
+    Convention:
+        Each level's sides are half the finer one's, rounded down as in ``kornia.geometry.pyrdown``
+        (OpenCV rounds up), but never below one pixel.
+
+    Example:
+        >>> level_shapes((37, 128), 3)
+        ((37, 128), (18, 64), (9, 32))
+    """
+    shapes = [shape]
+    for _ in range(levels - 1):
+        height, width = shapes[-1]
+        shapes.append((max(1, height // 2), max(1, width // 2)))
+    return tuple(shapes)
+
+
+def gaussian_pyramid(image: Image, levels: int, border: Border) -> tuple[Image, ...]:
+    """Blur and halve an image ``levels - 1`` times.
+
+    Convention:
+        kornia's ``pyrdown``: the 5x5 binomial kernel, then bilinear sampling at half the size. The
+        arithmetic is done in float64 and one sample at a time, so that a sample's pyramid does not
+        depend on the batch it came in; for 8-bit pictures of even size it is exact.
+
+    Args:
+        image: Values in [0, 1].
+        levels: How many levels to return, 1 or more; the first is the image itself.
+        border: ``circular`` for pictures that tile, ``reflect`` for photographs.
+
+    Example:
+        >>> [tuple(level.shape[-2:]) for level in gaussian_pyramid(torch.rand(1, 3, 9, 8), 3, "reflect")]
+        [(9, 8), (4, 4), (2, 2)]
+    """
+    finer = image.double()
+    pyramid = [image]
+    for _ in range(levels - 1):
+        finer = torch.cat([_halve(sample, border) for sample in finer.split(1)])
+        pyramid.append(finer.to(image.dtype))
+    return tuple(pyramid)
+
+
+def match_histogram(image: Image, reference: Image) -> Image:
+    """Give each sample and channel the value distribution of the reference's.
+
+    Args:
+        image: What to recolor.
+        reference: Where the distribution comes from: as many samples as the image, or one for all.
+
+    Returns:
+        The image with its values replaced, rank by rank, by the reference's.
+
+    Example:
+        >>> match_histogram(torch.tensor([[[[0.1, 0.9]]]]), torch.tensor([[[[0.2, 0.4]]]])).tolist()
+        [[[[0.20000000298023224, 0.4000000059604645]]]]
+    """
+    # kornia's function treats all it is given as one histogram: hence one call a plane.
+    reference = reference.expand(len(image), -1, -1, -1)
+    planes = zip(image.flatten(0, 1), reference.flatten(0, 1), strict=True)
+    return torch.stack([histogram_matching(*pair) for pair in planes]).reshape(image.shape)
+
+
+def _halve(image: Image, border: Border) -> Image:
+    """``pyrdown`` for any size: a side under 3 pixels is repeated first, since the padding needs more.
+
+    Repeating changes nothing else: one or two pixels look the same mirrored as wrapped around.
+    """
+    height, width = image.shape[-2:]
+    down, across = (4 // side if side < _MINIMUM_SIDE else 1 for side in (height, width))
+    half = pyrdown(image.repeat(1, 1, down, across), border_type=border)
+    return half[..., : max(1, height // 2), : max(1, width // 2)]

@@ -1,0 +1,126 @@
+"""The recipes: one short function for each published algorithm, in terms of the library's parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from torchsynth.errors import ConfigError
+from torchsynth.lattice import Boundary
+from torchsynth.neighborhood import Layer
+from torchsynth.recipe import Recipe
+from torchsynth.sweep import Sweep
+from torchsynth.template import Causal, Square
+
+
+def wei_levoy(
+    *,
+    levels: int = 4,
+    neighborhood: int | Sequence[int] = 9,
+    parent: int | Sequence[int] = 5,
+    boundary: Boundary = "torus",
+) -> Recipe:
+    """Wei & Levoy's multi-resolution synthesis with exhaustive search.
+
+    How the paper's sections map to parts: the Gaussian pyramid (2.3) to ``levels``; the causal L-shape
+    and the parent square (2.2, 2.3) to two layers; histogram-matched noise (2.1) to ``Noise``; raster
+    order with toroidal wrap (2.1) to ``Scanline``; the best match to ``Exhaustive`` and ``Best``.
+
+    Args:
+        levels: Pyramid levels, 1 or more. Each one more doubles the largest structure that is held
+            together, as long as the coarsest exemplar level still has many candidates.
+        neighborhood: Side of the causal square in pixels, odd, 3 or more; one number, or one for each
+            level, the coarsest first. Larger keeps larger structures and takes longer.
+        parent: Side of the square on the next coarser level, odd; one number, or one for each level
+            but the coarsest, coarse to fine.
+        boundary: ``torus`` for output that tiles left to right (and, less perfectly, top to bottom),
+            ``open`` for output with borders.
+
+    Raises:
+        ConfigError: If the numbers of levels and sizes do not agree.
+        pydantic.ValidationError: If a size is even or too small.
+
+    Source:
+        L.-Y. Wei and M. Levoy, *Fast texture synthesis using tree-structured vector quantization*,
+        SIGGRAPH 2000. The report writes the sizes as {9x9}, {9x9, 5x5}, ...: causal, then parent.
+
+    Example:
+        >>> [len(layer.template.offsets()) for layer in wei_levoy().sweeps[0].layers]
+        [40, 25]
+        >>> len(wei_levoy(levels=3, neighborhood=(9, 9, 5), parent=(5, 3)).sweeps)
+        3
+    """
+    return Recipe(
+        name="wei_levoy",
+        description="Wei & Levoy 2000, multi-resolution, exhaustive search",
+        levels=levels,
+        boundary=boundary,
+        sweeps=_causal_sweeps(levels, neighborhood, parent),
+    )
+
+
+def wei_levoy_single(*, neighborhood: int = 11, boundary: Boundary = "torus") -> Recipe:
+    """Wei & Levoy's single-resolution synthesis with exhaustive search.
+
+    Args:
+        neighborhood: Side of the causal square in pixels, odd, 3 or more. It has to be as large as the
+            largest regular structure of the texture, which soon gets slow: see :func:`wei_levoy`.
+        boundary: ``torus`` or ``open``.
+
+    Raises:
+        pydantic.ValidationError: If the size is even or too small.
+
+    Source:
+        Wei & Levoy 2000, section 2.1.
+
+    Example:
+        >>> wei_levoy_single().levels
+        1
+    """
+    return Recipe(
+        name="wei_levoy_single",
+        description="Wei & Levoy 2000, single resolution, exhaustive search",
+        levels=1,
+        boundary=boundary,
+        sweeps=_causal_sweeps(1, neighborhood, ()),
+    )
+
+
+RECIPES: dict[str, Callable[[], Recipe]] = {
+    "wei_levoy": wei_levoy,
+    "wei_levoy_single": wei_levoy_single,
+}
+"""The recipes by name, with their default parameters."""
+
+
+def _causal_sweeps(
+    levels: int, neighborhood: int | Sequence[int], parent: int | Sequence[int]
+) -> tuple[Sweep, ...]:
+    """One sweep for all levels, or one for each where the sizes differ."""
+    if isinstance(neighborhood, int) and isinstance(parent, int):
+        return (Sweep(layers=_causal_layers(neighborhood, parent)),)
+    causal = _per_level("neighborhood", neighborhood, levels)
+    square = _per_level("parent", parent, levels - 1)
+    if levels == 1:
+        return (Sweep(layers=_causal_layers(causal[0], None)),)
+    parents = (None, *square)
+    return tuple(
+        Sweep(layers=_causal_layers(side, above), levels=(levels - 1 - steps,))
+        for steps, (side, above) in enumerate(zip(causal, parents, strict=True))
+    )
+
+
+def _causal_layers(neighborhood: int, parent: int | None) -> tuple[Layer, ...]:
+    causal = Layer(plane="result", template=Causal(size=neighborhood))
+    if parent is None:
+        return (causal,)
+    return causal, Layer(plane="coarse", template=Square(size=parent))
+
+
+def _per_level(name: str, sizes: int | Sequence[int], levels: int) -> tuple[int, ...]:
+    sides = (sizes,) * levels if isinstance(sizes, int) else tuple(sizes)
+    if len(sides) != levels:
+        raise ConfigError(
+            name, f"must be one size, or {levels}: one for each level it is used on",
+            f"there are {len(sides)}", "list them from the coarsest level to the finest",
+        )  # fmt: skip
+    return sides

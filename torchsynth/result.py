@@ -1,0 +1,125 @@
+"""What synthesis returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from torchsynth._typing import CostMap, Image, SourceMap
+from torchsynth.errors import InputError
+from torchsynth.lattice import Shape
+from torchsynth.recipe import Recipe
+
+
+@dataclass(frozen=True)
+class Level:
+    """One finished pyramid level.
+
+    Args:
+        exemplar: The exemplar at this level.
+        start: What the output showed before the level's first sweep.
+        image: The finished output.
+        source: Where in the exemplar's level each pixel was copied from.
+        cost: Mean squared difference per compared value, in squared units of [0, 1].
+    """
+
+    exemplar: Image
+    start: Image
+    image: Image
+    source: SourceMap
+    cost: CostMap
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished synthesis. For every pixel ``image == exemplar[source]``, exactly.
+
+    Args:
+        levels: All pyramid levels, the finest first.
+        recipe: How it was made.
+        seeds: One for each sample.
+
+    Example:
+        >>> import torch, torchsynth as ts
+        >>> result = ts.synthesize(torch.rand(3, 24, 24), (16, 20), ts.recipes.wei_levoy(levels=1))
+        >>> tuple(result.image.shape), tuple(result.source.shape), tuple(result.cost.shape)
+        ((1, 3, 16, 20), (1, 2, 16, 20), (1, 16, 20))
+    """
+
+    levels: tuple[Level, ...]
+    recipe: Recipe
+    seeds: tuple[int, ...]
+
+    @property
+    def image(self) -> Image:
+        """The synthesized pictures, ``(B, C, OH, OW)``, in the exemplar's dtype."""
+        return self.levels[0].image
+
+    @property
+    def source(self) -> SourceMap:
+        """``(B, 2, OH, OW)``: the exemplar's row and column each pixel was copied from."""
+        return self.levels[0].source
+
+    @property
+    def cost(self) -> CostMap:
+        """``(B, OH, OW)``: how badly each pixel's neighborhood fitted its match (0: perfectly)."""
+        return self.levels[0].cost
+
+    def transfer(self, other: Tensor) -> Tensor:
+        """Copy from another picture that is aligned with the exemplar, through the same source map.
+
+        Args:
+            other: ``(C', H, W)`` of the exemplar's height and width, or a batch of one for each
+                output; any dtype and number of channels: normals, heights, labels, 16-bit values.
+
+        Returns:
+            ``(B, C', OH, OW)`` in the dtype of ``other``.
+
+        Raises:
+            InputError: If its height and width are not the exemplar's, or its batch not the output's.
+
+        Example:
+            >>> import torch, torchsynth as ts
+            >>> exemplar = torch.rand(1, 16, 16)
+            >>> result = ts.synthesize(exemplar, (8, 8), ts.recipes.wei_levoy(levels=1))
+            >>> bool((result.transfer(exemplar) == result.image).all())
+            True
+        """
+        shape = self.levels[0].exemplar.shape[-2:]
+        return transfer(self.source, other, (shape[0], shape[1]))
+
+
+def transfer(source: SourceMap, other: Tensor, exemplar_shape: Shape) -> Tensor:
+    """Copy from a picture aligned with the exemplar, through a source map.
+
+    Args:
+        source: The map, ``(B, 2, OH, OW)``.
+        other: ``(C, H, W)``, or ``(B, C, H, W)`` for one picture each; any dtype.
+        exemplar_shape: Height and width that the map refers to.
+
+    Raises:
+        InputError: If the picture is not aligned with the exemplar.
+
+    Example:
+        >>> import torch
+        >>> labels = torch.tensor([[[4, 5], [6, 7]]])
+        >>> transfer(torch.tensor([[[[1, 0]], [[1, 1]]]]), labels, (2, 2)).tolist()
+        [[[[7, 5]]]]
+    """
+    maps = other if other.ndim == 4 else other.unsqueeze(0)
+    if maps.ndim != 4 or tuple(maps.shape[-2:]) != exemplar_shape:
+        raise InputError(
+            "other", f"must be a map of the exemplar's size {exemplar_shape}",
+            f"its shape is {tuple(other.shape)}", "resample it to the exemplar first",
+        )  # fmt: skip
+    if len(maps) not in (1, len(source)):
+        raise InputError(
+            "other", f"must be one map, or {len(source)}: one for each output",
+            f"there are {len(maps)}", "pass them one for each output",
+        )  # fmt: skip
+    height, width = source.shape[-2:]
+    sites = (source[:, 0] * exemplar_shape[1] + source[:, 1]).flatten(1)
+    flat = maps.flatten(2).expand(len(source), -1, -1)
+    picked = flat.gather(2, sites.unsqueeze(1).expand(-1, maps.shape[1], -1))
+    return picked.view(len(source), maps.shape[1], height, width)

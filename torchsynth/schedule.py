@@ -1,0 +1,247 @@
+"""In which order pixels are visited, and which of them can be visited together.
+
+Pixel-based synthesis is defined one pixel at a time. Done literally, that leaves a tensor library
+idle. But a pixel only reads a small window, so most pixels never notice which of two others came
+first. An *order* is therefore given as a rank map (lower rank, earlier visit; equal ranks are visited
+at once), and this module derives *batches* from it: groups of pixels that are matched together and
+written together, **with exactly the result of the literal order**, pixel for pixel.
+
+Two rules make batches exact. Let ``q`` come after ``p`` in the order.
+
+* If ``q`` reads ``p``, then ``q`` is in a later batch: it has to see the new value.
+* If ``p`` reads ``q``, then ``q`` is not in an earlier batch: ``p`` has to see the old value. The same
+  batch is fine, because a batch gathers everything before it writes anything.
+
+**A scanline on a torus.** Plain raster order has no parallelism there: the first pixel of a row reads
+the last pixels of the row above. So each row starts at its own column, ``h`` further right than the
+row above, where ``h`` is how far a neighborhood reaches sideways, and goes once around its ring. The
+pixel that is number ``i`` of its row ``r`` is in batch ``(2h + 1) r + i``. With h = 1 and 8 columns::
+
+    the batch of each pixel                  batch 6, and what its pixels read (o)
+      0   1   2   3   4   5   6   7            .   .   .   o   o   o   6   .
+     10   3   4   5   6   7   8   9            .   o   o   o   6   .   .   .
+     12  13   6   7   8   9  10  11            .   o   6   .   .   .   .   .
+
+Why it is exact: take pixels of rows ``r`` and ``r + k`` whose columns differ by ``d``, ``|d| <= h``.
+Their numbers within the row then differ by ``d - k h`` (going round the ring only adds), so their
+batches differ by at least ``k (2h + 1) - h - k h = k (h + 1) - h``, which is 1 or more: the lower row
+is always later, for every height, width and wrap-around, and within a row no batch repeats. Both
+rules hold, whatever part of its window a pixel reads. The number of batches falls from ``H W`` to
+``W + (2h + 1)(H - 1)``.
+
+**A scanline with an open border** needs no shift: batch ``(h + 1) r + c`` by the same argument.
+
+**Any other permutation** is taken in rounds: every pixel that comes first among the waiting pixels of
+its window goes into the next batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Literal, TypeAlias
+
+import torch
+from pydantic import Field
+from torch.nn.functional import max_pool2d
+
+from torchsynth._typing import Grid, Sites
+from torchsynth.lattice import Boundary, Shape
+from torchsynth.part import Part
+
+Reach: TypeAlias = tuple[int, int]
+"""How far a neighborhood reads on the level that is being written: up or down, and sideways."""
+
+
+class Scanline(Part):
+    """Row by row from the top, left to right; on a torus each row starts where it can run in parallel.
+
+    Convention:
+        On a torus row ``r`` starts at column ``r * h`` (modulo the width), where ``h`` is the sideways
+        reach, and goes once around. In plain raster order every row starts at column 0; the pictures
+        are equally good, and one row does not have to wait for the whole row above.
+
+    Source: Wei & Levoy 2000, section 2.
+
+    Example:
+        >>> Scanline().rank((2, 4), reach=(1, 1), boundary="torus").tolist()
+        [[0, 1, 2, 3], [7, 4, 5, 6]]
+    """
+
+    kind: Literal["scanline"] = "scanline"
+
+    def rank(self, shape: Shape, reach: Reach, boundary: Boundary) -> Grid:
+        """The place of each pixel in the literal order."""
+        rows, steps = self._steps(shape, reach, boundary)
+        return rows * shape[1] + steps
+
+    def batches(self, shape: Shape, reach: Reach, boundary: Boundary) -> Grid:
+        """The batch of each pixel, in closed form."""
+        rows, steps = self._steps(shape, reach, boundary)
+        lag = 2 * reach[1] + 1 if boundary == "torus" else reach[1] + 1
+        return rows * lag + steps
+
+    def _steps(self, shape: Shape, reach: Reach, boundary: Boundary) -> tuple[Grid, Grid]:
+        """The row of each pixel, and how many pixels of its row come before it."""
+        rows, columns = torch.meshgrid(*map(torch.arange, shape), indexing="ij")
+        if boundary == "torus":
+            columns = (columns - rows * reach[1]) % shape[1]
+        return rows, columns
+
+
+class Shuffle(Part):
+    """A random permutation of all pixels, the same for every sample of a batch.
+
+    Args:
+        seed: Which permutation. It is separate from the samples' seeds: the order is shared by a
+            batch, so a sample comes out the same alone and in company.
+
+    Source: Wei & Levoy 2001, *Texture synthesis over arbitrary manifold surfaces*, as the random order.
+
+    Example:
+        >>> sorted(Shuffle(seed=3).rank((2, 2), (1, 1), "torus").flatten().tolist())
+        [0, 1, 2, 3]
+    """
+
+    kind: Literal["shuffle"] = "shuffle"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+
+    def rank(self, shape: Shape, reach: Reach, boundary: Boundary) -> Grid:
+        """The place of each pixel in the literal order."""
+        generator = torch.Generator().manual_seed(self.seed)
+        return torch.randperm(shape[0] * shape[1], generator=generator).view(shape)
+
+    def batches(self, shape: Shape, reach: Reach, boundary: Boundary) -> Grid:
+        """The batch of each pixel, by rounds."""
+        return batches_of(self.rank(shape, reach, boundary), reach, boundary)
+
+
+class Simultaneous(Part):
+    """All pixels at once: every one reads the picture as it was before.
+
+    Example:
+        >>> Simultaneous().batches((1, 3), (0, 1), "open").tolist()
+        [[0, 0, 0]]
+    """
+
+    kind: Literal["simultaneous"] = "simultaneous"
+
+    def rank(self, shape: Shape, reach: Reach, boundary: Boundary) -> Grid:
+        """Zero everywhere: nobody is first."""
+        return torch.zeros(shape, dtype=torch.int64)
+
+    def batches(self, shape: Shape, reach: Reach, boundary: Boundary) -> Grid:
+        """Zero everywhere: one batch."""
+        return self.rank(shape, reach, boundary)
+
+
+Order: TypeAlias = Annotated[Scanline | Shuffle | Simultaneous, Field(discriminator="kind")]
+"""Any order; the ``kind`` field tells them apart in YAML."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Consecutive pieces of batches, gathered together as far as nothing in them can change.
+
+    Args:
+        sites: The sites of all pieces, piece after piece.
+        sizes: How many sites each piece has.
+        ends_batch: Whether the piece is the last of its batch. Nothing is written before that.
+    """
+
+    sites: Sites
+    sizes: list[int]
+    ends_batch: list[bool]
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The batches of one sweep: all sites, batch after batch, and the size of each batch."""
+
+    sites: Sites
+    sizes: list[int]
+
+    def groups(self, piece: int, group: int) -> Iterator[Group]:
+        """Cut the batches into pieces of at most ``piece`` sites, and pack these into groups.
+
+        Args:
+            piece: The most sites to be matched at once; larger batches are cut.
+            group: The most sites in a group, unless one piece alone has more.
+        """
+        sizes: list[int] = []
+        ends: list[bool] = []
+        start = stop = 0
+        for batch in self.sizes:
+            for left in range(batch, 0, -piece):
+                size = min(left, piece)
+                if sizes and stop - start + size > group:
+                    yield Group(self.sites[start:stop], sizes, ends)
+                    sizes, ends, start = [], [], stop
+                sizes.append(size)
+                ends.append(left <= piece)
+                stop += size
+        yield Group(self.sites[start:stop], sizes, ends)
+
+
+def schedule(order: Order, shape: Shape, reach: Reach | None, boundary: Boundary) -> Schedule:
+    """Put all sites of a level into batches that give the result of the literal order.
+
+    Args:
+        order: Who comes first.
+        shape: Height and width of the level.
+        reach: How far the level itself is read while it is written; None if it is not read at all, in
+            which case no pixel depends on another and there is only one batch.
+        boundary: Whether neighborhoods wrap around.
+
+    Example:
+        >>> schedule(Scanline(), (64, 64), (4, 4), "torus").sizes[-1]
+        1
+        >>> len(schedule(Scanline(), (64, 64), (4, 4), "torus").sizes)
+        631
+    """
+    if reach is None:
+        return Schedule(torch.arange(shape[0] * shape[1]), [shape[0] * shape[1]])
+    batch = order.batches(shape, reach, boundary).flatten()
+    sizes: list[int] = batch.bincount().tolist()
+    return Schedule(batch.argsort(stable=True), [size for size in sizes if size])
+
+
+def batches_of(rank: Grid, reach: Reach, boundary: Boundary) -> Grid:
+    """Derive exact batches from any rank map.
+
+    A map without equal ranks is taken in rounds of window-wise first pixels. Equal ranks are visited
+    at once and see each other's old values, which rounds cannot promise; a map that has any gets one
+    batch for each rank.
+
+    Example:
+        >>> batches_of(torch.tensor([[0, 3, 1, 2]]), reach=(0, 1), boundary="open").tolist()
+        [[0, 1, 0, 1]]
+    """
+    ranks, inverse = rank.unique(return_inverse=True)
+    batch: Grid = inverse
+    if len(ranks) < rank.numel():
+        return batch
+    # float64 holds every rank exactly; done pixels drop to -inf and no longer hold anyone up.
+    waiting = -rank.double()
+    number = 0
+    while not bool(waiting.isneginf().all()):
+        first = (waiting == _window_maximum(waiting, reach, boundary)) & ~waiting.isneginf()
+        batch[first] = number
+        waiting[first] = float("-inf")
+        number += 1
+    return batch
+
+
+def _window_maximum(values: torch.Tensor, reach: Reach, boundary: Boundary) -> torch.Tensor:
+    """The largest value in the window around each pixel: a maximum of rows, then of columns."""
+    for axis, side in enumerate(reach):
+        if boundary == "torus":
+            length = values.shape[axis]
+            around = torch.arange(-side, length + side) % length
+            values, padding = values.index_select(axis, around), 0
+        else:
+            padding = side
+        kernel, pad = [1, 1], [0, 0]
+        kernel[axis], pad[axis] = 2 * side + 1, padding
+        values = max_pool2d(values[None, None], kernel, stride=1, padding=pad)[0, 0]
+    return values

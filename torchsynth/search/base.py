@@ -1,0 +1,36 @@
+"""What the sweep and the searchers say to each other.
+
+A searcher is a part with three verbs: ``fit(index, complete)`` computes whatever it needs of the
+candidates, once; ``capacity(state)`` says how many queries fit its memory budget; and
+``search(state, query)`` proposes candidates with their costs. Which proposal wins is not its concern.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+MEMORY_BUDGET = 32 * 2**20
+"""Bytes that the costs of one search may take."""
+
+
+@dataclass(frozen=True)
+class Query:
+    """The neighborhoods of the pixels whose turn it is.
+
+    Args:
+        features: ``(B, sites, features + 1)``: whole numbers, 0 where the neighbor does not exist, and
+            a 1 at the end, with which one matrix product can add a constant for each candidate.
+        readable: Which features exist, the same for all samples; None means all of them.
+    """
+
+    features: Float[Tensor, "batch sites features+1"]
+    readable: Bool[Tensor, "sites features"] | None = None
+
+
+Costs: TypeAlias = Float[Tensor, "batch sites blocks columns"]
+"""The cost of each proposed candidate, for each query: exact whole numbers, infinite where a column
+stands for no candidate. Searchers may lay candidates out in blocks, which is easier on the caches."""
