@@ -10,24 +10,41 @@
 from __future__ import annotations
 
 from torchsynth import recipes as recipes
+from torchsynth.accept import Best
 from torchsynth.config import dump_recipe, load_recipe
 from torchsynth.controls import Controls
 from torchsynth.errors import ConfigError, InputError, OutputError, TorchsynthError
 from torchsynth.exemplar import Exemplar
+from torchsynth.initial import Noise
 from torchsynth.io import read_image, write_image
+from torchsynth.neighborhood import Layer
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result
+from torchsynth.schedule import Scanline, Shuffle, Simultaneous
+from torchsynth.search import Exhaustive
+from torchsynth.sweep import Sweep
 from torchsynth.synthesis import synthesize
+from torchsynth.template import Causal, Square
 
 __all__ = [
+    "Best",
+    "Causal",
     "ConfigError",
     "Controls",
     "Exemplar",
+    "Exhaustive",
     "InputError",
+    "Layer",
     "Level",
+    "Noise",
     "OutputError",
     "Recipe",
     "Result",
+    "Scanline",
+    "Shuffle",
+    "Simultaneous",
+    "Square",
+    "Sweep",
     "TorchsynthError",
     "dump_recipe",
     "load_recipe",

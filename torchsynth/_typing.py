@@ -1,4 +1,8 @@
-"""Names for the tensors that travel through the library; jaxtyping checks them in the tests."""
+"""Names for the tensors that travel through the library; jaxtyping checks them in the tests.
+
+A dimension whose name begins with an underscore may differ between the arguments of one function: an
+exemplar and an output have the same channels but not the same size.
+"""
 
 from __future__ import annotations
 
@@ -7,38 +11,38 @@ from typing import TypeAlias
 from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
-Image: TypeAlias = Float[Tensor, "batch channels height width"]
+Image: TypeAlias = Float[Tensor, "_batch channels _height _width"]
 """Pictures with values in [0, 1]."""
 
-SourceMap: TypeAlias = Int64[Tensor, "batch 2 height width"]
+SourceMap: TypeAlias = Int64[Tensor, "_batch 2 _height _width"]
 """Row and column of the exemplar pixel that each output pixel was copied from."""
 
-CostMap: TypeAlias = Float[Tensor, "batch height width"]
+CostMap: TypeAlias = Float[Tensor, "_batch _height _width"]
 """Mean squared difference, per compared value, between an output neighborhood and its match."""
 
-Grid: TypeAlias = Int64[Tensor, "height width"]
+Grid: TypeAlias = Int64[Tensor, "_height _width"]
 """One whole number for each pixel: its rank in an order, or the batch it belongs to."""
 
-Region: TypeAlias = Bool[Tensor, "height width"]
+Region: TypeAlias = Bool[Tensor, "_height _width"]
 """One truth value for each pixel."""
 
-Offsets: TypeAlias = Int64[Tensor, "neighbors 2"]
+Offsets: TypeAlias = Int64[Tensor, "_neighbors 2"]
 """The ``(dy, dx)`` of a template: neighbor = p + offset."""
 
-Sites: TypeAlias = Int64[Tensor, " sites"]
+Sites: TypeAlias = Int64[Tensor, " _sites"]
 """Output pixels by flat position, row * width + column."""
 
-Cells: TypeAlias = Int64[Tensor, "sites 2"]
+Cells: TypeAlias = Int64[Tensor, "_sites 2"]
 """The same as (row, column) pairs."""
 
-Features: TypeAlias = Float[Tensor, "batch sites features"]
+Features: TypeAlias = Float[Tensor, "_batch _sites _features"]
 """Neighborhoods as integer-valued vectors, one for each site."""
 
-Values: TypeAlias = Float[Tensor, "batch pixels channels"]
+Values: TypeAlias = Float[Tensor, "_batch _pixels channels"]
 """A picture laid out for gathering: flat positions by channels."""
 
-Rows: TypeAlias = Int64[Tensor, "batch sites"]
+Rows: TypeAlias = Int64[Tensor, "_batch _sites"]
 """Which candidate was chosen: a row of the index."""
 
-Draws: TypeAlias = Float[Tensor, "batch sites"]
+Draws: TypeAlias = Float[Tensor, "_batch _sites"]
 """Uniform random numbers in [0, 1), one for each site."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -56,4 +57,5 @@ def first_minimum(cost: Float[Tensor, "batch sites blocks columns"]) -> Choice:
     block = flat.amin(2).argmin(1)
     inside = flat.gather(1, block.view(-1, 1, 1).expand(-1, 1, columns)).squeeze(1)
     smallest, column = inside.min(1)
-    return Choice((block * columns + column).view(batch, sites), smallest.view(batch, sites))
+    place = torch.add(column, block, alpha=columns)
+    return Choice(place.view(batch, sites), smallest.view(batch, sites))

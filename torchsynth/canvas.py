@@ -87,6 +87,5 @@ class Canvas:
 def _pick(values: Tensor, source: Tensor) -> Tensor:
     """``values[source]`` for one exemplar shared by all outputs, or for one each."""
     if len(values) == 1:
-        batch, sites = source.shape
-        return values[0].index_select(0, source.flatten()).view(batch, sites, -1)
+        return values.index_select(1, source.flatten()).view(*source.shape, -1)
     return values.gather(1, source.unsqueeze(2).expand(-1, -1, values.shape[2]))

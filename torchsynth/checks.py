@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeGuard
 
 import torch
 from torch import Tensor
@@ -10,6 +11,7 @@ from torch import Tensor
 from torchsynth.errors import InputError
 
 _MAX_SEED = 2**63
+_LINE = 60
 
 
 def check_image(image: object, subject: str) -> None:
@@ -80,10 +82,10 @@ def check_size(size: object) -> tuple[int, int]:
         (64, 96)
     """
     sides = tuple(size) if isinstance(size, Sequence) and not isinstance(size, str) else ()
-    whole = [side for side in sides if isinstance(side, int) and not isinstance(side, bool)]
+    whole = [side for side in sides if _is_whole(side)]
     if len(sides) != 2 or len(whole) != 2:
         raise InputError(
-            "size", "must be two whole numbers, height and width", f"it is {size!r}",
+            "size", "must be two whole numbers, height and width", f"it is {shortened(size)}",
             "pass e.g. size=(256, 256)",
         )  # fmt: skip
     if min(whole) < 1:
@@ -113,20 +115,40 @@ def check_seeds(seed: object, outputs: int | None) -> list[int]:
     seeds = list(seed) if isinstance(seed, Sequence) and several else [seed]
     if not seeds:
         raise InputError("seed", "must name at least one output", "the list is empty", "pass a number")
-    whole = [one for one in seeds if isinstance(one, int) and not isinstance(one, bool)]
-    if len(whole) != len(seeds) or not all(0 <= one < _MAX_SEED for one in whole):
-        raise InputError(
-            "seed", "must be a whole number from 0 to 2**63 - 1, or a list of such numbers",
-            f"it is {seed!r}", "pass e.g. seed=0",
-        )  # fmt: skip
-    if outputs is not None and not several:
-        whole = [whole[0] + item for item in range(outputs)]
-    if outputs is not None and len(whole) != outputs:
+    if outputs is not None and not several and _is_whole(seed):
+        seeds = [seed + item for item in range(outputs)]
+    for one in seeds:
+        if not _is_whole(one) or not 0 <= one < _MAX_SEED:
+            raise InputError(
+                "seed", "must be a whole number from 0 to 2**63 - 1, or a list of such numbers",
+                f"{'one' if len(seeds) > 1 else 'it'} is {shortened(one)}",
+                "pass e.g. seed=0",
+            )  # fmt: skip
+    if outputs is not None and len(seeds) != outputs:
         raise InputError(
             "seed", f"a batch of {outputs} exemplars needs {outputs} seeds",
-            f"there are {len(whole)}", "pass one seed for each exemplar, or a single number",
+            f"there are {len(seeds)}", "pass one seed for each exemplar, or a single number",
         )  # fmt: skip
-    return whole
+    return [one for one in seeds if _is_whole(one)]
+
+
+def shortened(value: object, show: Callable[[object], str] = repr) -> str:
+    """A value as an error message shows it: on one line, and not a page of it.
+
+    Args:
+        value: The value.
+        show: How it becomes text.
+
+    Example:
+        >>> shortened("a" * 1000)
+        "'aaaaaaaaaaaaaaaaaaaaaaaaaaaaa...aaaaaaaaaaaaaaaaaaaaaaaaaaaaa'"
+    """
+    text = " ".join(show(value).split())
+    return text if len(text) <= _LINE else f"{text[: _LINE // 2]}...{text[-_LINE // 2 :]}"
+
+
+def _is_whole(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _check_values(image: Tensor, subject: str) -> None:

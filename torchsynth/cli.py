@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
+import logging
 import sys
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from torchsynth import config, jobs
-from torchsynth.errors import ConfigError, TorchsynthError
+from torchsynth.errors import ConfigError, InputError, TorchsynthError
 from torchsynth.progress import progress_bar
 from torchsynth.recipes import RECIPES
 from torchsynth.samples import PREFIX, SAMPLES
@@ -25,6 +24,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+_MOST = 10_000
 
 Overwrite = Annotated[bool, typer.Option(help="Replace files that are there already.")]
 Output = Annotated[
@@ -60,9 +61,7 @@ def synthesize(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Which texture of the many possible ones.")] = 0,
-    count: Annotated[
-        int, typer.Option(min=1, help="How many outputs; their seeds are SEED, SEED + 1, ...")
-    ] = 1,
+    count: Annotated[int, typer.Option(help="How many outputs; their seeds are SEED, SEED + 1, ...")] = 1,
     valid: Annotated[
         str | None, typer.Option(metavar="FILE", help="Sample only where this picture is white.")
     ] = None,
@@ -84,6 +83,10 @@ def synthesize(
     """
     if recipe is not None and config_file is not None:
         raise ConfigError("--recipe and --config", "only one of them can be given", "both are", "drop one")
+    if not 1 <= count <= _MOST:
+        raise InputError(
+            "--count", f"must be from 1 to {_MOST}", f"it is {count}", "choose a number between them"
+        )
     job = jobs.Job(
         exemplar=exemplar,
         recipe=config.load_recipe(config_file or recipe or "wei_levoy", changes or ()),
@@ -109,13 +112,13 @@ def rerun(
 @app.command()
 def recipes() -> None:
     """List the recipes, one line each."""
-    _table({name: make().description for name, make in RECIPES.items()})
+    _list({name: make().description for name, make in RECIPES.items()})
 
 
 @app.command()
 def samples() -> None:
     """List the built-in samples; each can be used wherever an image file can."""
-    _table({f"{PREFIX}{name}": about for name, about in SAMPLES.items()})
+    _list({f"{PREFIX}{name}": about for name, about in SAMPLES.items()})
 
 
 @app.command()
@@ -130,10 +133,11 @@ def schema() -> None:
     typer.echo(json.dumps(config.recipe_schema(), indent=2))
 
 
-def _print_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> bool:
     if wanted:
         typer.echo(f"torchsynth {version('torchsynth-textures')}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()
@@ -155,8 +159,9 @@ def main(arguments: list[str] | None = None) -> int:
         >>> main(["show", "nothing"])
         2
     """
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # its complaints come as our errors
     try:
-        app(arguments)
+        app(arguments, prog_name="torchsynth")
     except TorchsynthError as error:
         return _fail(str(error))
     except SystemExit as stop:
@@ -170,7 +175,8 @@ def entry_point() -> None:
 
 
 def _fail(message: str) -> int:
-    typer.secho(f"error: {message}", err=True, fg="red" if sys.stderr.isatty() else None)
+    line = " ".join(message.splitlines())  # a file name may hold a line break
+    typer.secho(f"error: {line}", err=True, fg="red" if sys.stderr.isatty() else None)
     return 2
 
 
@@ -179,13 +185,12 @@ def _run(job: jobs.Job, files: jobs.Files) -> None:
         with progress_bar() as progress:
             written = jobs.run(job, files, progress)
     except KeyboardInterrupt:
-        raise typer.Exit(_fail("cancelled: no file was left unfinished")) from None
+        raise typer.Exit(_fail("cancelled: no unfinished file was left behind")) from None
     for path in written:
         typer.echo(path)
 
 
-def _table(rows: dict[str, str]) -> None:
-    table = Table.grid(padding=(0, 3))
+def _list(rows: dict[str, str]) -> None:
+    width = max(map(len, rows))
     for name, about in rows.items():
-        table.add_row(name, about)
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+        typer.echo(f"{name:{width}}   {about}")

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import copy
 import difflib
 import json
 import re
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
+from torchsynth import checks
 from torchsynth.errors import ConfigError
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
 
 _SUFFIXES = (".yaml", ".yml", ".json")
 _STEP = re.compile(r"(?P<key>[^.\[\]]+)|\[(?P<index>\d+)\]")
+_PATH = re.compile(r"[^.\[\]]+(\.[^.\[\]]+|\[\d{1,9}\])*")
 
 
 def load_recipe(source: str | Path, overrides: Sequence[str] = ()) -> Recipe:
@@ -57,7 +60,8 @@ def parse_recipe(data: object, subject: str, overrides: Sequence[str] = ()) -> R
     """
     if not isinstance(data, dict):
         raise ConfigError(
-            subject, "must be a mapping of recipe fields", f"it is a {type(data).__name__}",
+            subject, "must be a mapping of recipe fields",
+            "it is empty" if data is None else f"it is a {type(data).__name__}",
             "start from the output of 'torchsynth show wei_levoy'",
         )  # fmt: skip
     for override in overrides:
@@ -67,7 +71,7 @@ def parse_recipe(data: object, subject: str, overrides: Sequence[str] = ()) -> R
         return Recipe.model_validate_json(json.dumps(data))
     except ValidationError as error:
         raise _config_error(error, data, subject) from None
-    except TypeError as error:
+    except (TypeError, ValueError, RecursionError) as error:  # dates, aliases that lead in a circle
         raise ConfigError(
             subject, "must hold plain numbers, texts and lists", str(error), "write it as plain YAML"
         ) from None
@@ -96,28 +100,16 @@ def recipe_schema() -> dict[str, Any]:
     return Recipe.model_json_schema()
 
 
-class _Loader(yaml.SafeLoader):
-    """A safe loader that refuses to see the same key twice: YAML would silently keep the last."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[object] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key!r} is there twice", key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
-
-
 class _Dumper(yaml.SafeDumper):
     """Short mappings, such as a template, on one line; everything that holds lists in blocks."""
 
-    def represent_mapping(self, tag: str, mapping: Any, flow_style: bool | None = None) -> yaml.MappingNode:
-        values = mapping.values() if isinstance(mapping, dict) else ()
-        flat = "kind" in mapping and all(isinstance(value, str | int | float) for value in values)
-        return super().represent_mapping(tag, mapping, flow_style=flat)
+
+def _represent_mapping(dumper: yaml.SafeDumper, mapping: dict[str, object]) -> yaml.MappingNode:
+    flat = "kind" in mapping and all(isinstance(value, str | int | float) for value in mapping.values())
+    return dumper.represent_mapping("tag:yaml.org,2002:map", mapping, flow_style=flat)
+
+
+_Dumper.add_representer(dict, _represent_mapping)
 
 
 def _read(source: str | Path) -> object:
@@ -130,49 +122,76 @@ def _read(source: str | Path) -> object:
             )  # fmt: skip
         return RECIPES[str(source)]().model_dump(mode="json", exclude_none=True)
     try:
-        return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: S506 (a SafeLoader)
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise ConfigError(
-            str(path), "must be a readable file", str(error.strerror).lower(), "check the path"
-        ) from None
+        fact = f"the system says: {(error.strerror or str(error)).lower()}"
+        raise ConfigError(str(path), "must be a readable file", fact, "check the path") from None
     except UnicodeDecodeError:
         raise ConfigError(
             str(path), "must be UTF-8 text", "it is not", "is this the recipe, or a picture?"
         ) from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
+    return _parse_yaml(text, str(path))
+
+
+def _parse_yaml(text: str, subject: str) -> object:
+    """Plain data from YAML text in which no key may be there twice: YAML would silently keep the last."""
+    try:
+        _refuse_duplicates(yaml.compose(text, Loader=yaml.SafeLoader))
+        return yaml.safe_load(text)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        problem = getattr(error, "problem", None) or "it cannot be read"
-        raise ConfigError(str(path), "must be valid YAML", f"{where}{problem}", "correct that line") from None
+        fact = f"{where}{(error.problem or str(error.context)).removeprefix('but ').replace(', but', ',')}"
+    except yaml.reader.ReaderError as error:
+        fact = f"line {text.count(chr(10), 0, error.position) + 1}: {error.reason}"
+    except RecursionError:
+        fact = "it is nested too deeply"
+    except ValueError as error:  # a date or a number that looks like one but is none
+        fact = str(error)
+    raise ConfigError(subject, "must be valid YAML", fact, "correct that line")
+
+
+def _refuse_duplicates(root: yaml.Node | None) -> None:
+    """Look through the whole document once; an alias may lead back to where one has been."""
+    waiting, seen = [root], set()
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen or not isinstance(node, yaml.CollectionNode):
+            continue
+        seen.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            waiting.extend(node.value)
+            continue
+        keys: set[str] = set()
+        for key, value in node.value:
+            waiting.extend((key, value))
+            if isinstance(key, yaml.ScalarNode) and key.value in keys:
+                problem = f"the key {key.value!r} is there twice"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            keys.add(str(key.value))
 
 
 def _overridden(data: dict[str, Any], override: str) -> dict[str, Any]:
     """The data with one ``path=value`` applied; the original stays as it is."""
+    subject = f"--set {override}"
     path, equals, text = override.partition("=")
+    if not equals or _PATH.fullmatch(path.strip()) is None:
+        raise ConfigError(subject, "must look like path=value", "it does not", "write e.g. --set levels=3")
     steps = [
-        match["key"] if match["index"] is None else int(match["index"]) for match in _STEP.finditer(path)
+        match["key"] if match["index"] is None else int(match["index"])
+        for match in _STEP.finditer(path.strip())
     ]
-    if not equals or not steps:
-        raise ConfigError(
-            f"--set {override}", "must look like path=value", "it does not",
-            "write e.g. --set levels=3",
-        )  # fmt: skip
-    try:
-        value = yaml.load(text, Loader=_Loader)  # noqa: S506 (a SafeLoader)
-    except yaml.YAMLError:
-        raise ConfigError(
-            f"--set {override}", "the value must be YAML", f"{text!r} is not", "quote it"
-        ) from None
-    changed: dict[str, Any] = json.loads(json.dumps(data))
+    value = _parse_yaml(text, subject)
+    changed = copy.deepcopy(data)
     place: Any = changed
-    for done, step in enumerate(steps):
-        last = done == len(steps) - 1
+    for done, step in enumerate(steps, start=1):
+        last = done == len(steps)
         known = range(len(place)) if isinstance(place, list) else place
         fits = isinstance(place, list) == isinstance(step, int) and isinstance(place, list | dict)
+        # The last step may be new: a field that has its default is not in the data.
         if not fits or (step not in known and not (last and isinstance(place, dict))):
             raise ConfigError(
-                f"--set {override}", "the path must exist in the recipe",
-                f"there is no {_path(steps[: done + 1])!r}",
+                subject, "the path must exist in the recipe", f"there is no {_path(steps[:done])!r}",
                 "look the path up with 'torchsynth show RECIPE'",
             )  # fmt: skip
         if last:
@@ -183,23 +202,37 @@ def _overridden(data: dict[str, Any], override: str) -> dict[str, Any]:
 
 
 def _config_error(error: ValidationError, data: object, subject: str) -> ConfigError:
-    """The first problem pydantic found, in the words of this library."""
-    problem = error.errors()[0]
+    """The most telling problem pydantic found, in the words of this library."""
+    # A misspelt field is missing under its right name too: the misspelling says more.
+    problem = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
     path = _data_path(problem["loc"], data)
+    kind, context = problem["type"], problem.get("ctx", {})
+    if kind.startswith("union_tag"):
+        path = [*path, "kind"]
     where = f"{_path(path)!r}" if path else "the recipe"
-    if problem["type"] == "extra_forbidden":
-        return ConfigError(
-            subject, f"{where} must be a known field", "there is no such field",
-            _suggestion(str(path[-1]), _known_fields()),
-        )  # fmt: skip
-    if problem["type"] == "missing":
-        return ConfigError(subject, f"{where} is required", "it is missing", "add it")
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
-    if problem["type"] == "value_error":
-        expectation, _, fact = message.partition(", but ")
-        return ConfigError(subject, f"{where}: {expectation}", fact or "this does not", "change it")
-    return ConfigError(subject, f"{where}: {message}", f"it is {json.dumps(problem['input'])}", "change it")
+    match kind:
+        case "extra_forbidden":
+            expectation, fact = f"{where} must be a known field", "there is no such field"
+            remedy = _suggestion(str(path[-1]), _fields_at(path[:-1], data))
+        case "missing" | "union_tag_not_found":
+            expectation, fact, remedy = f"{where} is required", "it is missing", "add it"
+        case "union_tag_invalid":
+            kinds = str(context["expected_tags"]).replace("'", "")
+            expectation, fact = f"{where} must be one of {kinds}", f"it is {context['tag']!r}"
+            remedy = _suggestion(str(context["tag"]), kinds.split(", "))
+        case "value_error":
+            expectation, but, fact = message.partition(", but ")
+            expectation = f"{where}: {expectation}" if but else f"{where} must fit together"
+            fact, remedy = fact or message, "change it"
+        case "too_short":
+            expectation, fact = f"{where} must have {context['min_length']} or more", "there is none"
+            remedy = "add one"
+        case _:
+            fact = f"it is {checks.shortened(problem['input'], json.dumps)}"
+            expectation, remedy = f"{where}: {message}", "change it"
+    return ConfigError(subject, expectation, fact, remedy)
 
 
 def _data_path(loc: Sequence[int | str], data: object) -> list[int | str]:
@@ -217,11 +250,19 @@ def _data_path(loc: Sequence[int | str], data: object) -> list[int | str]:
     return path
 
 
-def _known_fields() -> list[str]:
-    """All field names of a recipe and its parts."""
+def _fields_at(path: Sequence[int | str], data: Any) -> list[str]:  # noqa: ANN401 (any YAML)
+    """The fields of the recipe, or of the part at a path in it."""
     schema = recipe_schema()
-    parts = (schema, *schema["$defs"].values())
-    return sorted({field for part in parts for field in part.get("properties", {})})
+    parts, part = schema["$defs"], schema
+    for step in path:
+        place = part["items"] if isinstance(step, int) else part["properties"][step]
+        data = data[step]
+        choices = place.get("oneOf") or place.get("anyOf") or [place]
+        named = [parts[choice["$ref"].split("/")[-1]] if "$ref" in choice else choice for choice in choices]
+        kind = data.get("kind") if isinstance(data, dict) else None
+        matching = [one for one in named if one.get("properties", {}).get("kind", {}).get("const") == kind]
+        part = (matching or named)[0]
+    return sorted(part["properties"])
 
 
 def _path(steps: Iterable[int | str]) -> str:

@@ -22,12 +22,15 @@ class TorchsynthError(Exception):
     """
 
     def __init__(self, subject: str, expectation: str, fact: str, remedy: str) -> None:
-        # All four go to BaseException too: that is what pickling between processes keeps.
         super().__init__(subject, expectation, fact, remedy)
         self.subject = subject
         self.expectation = expectation
         self.fact = fact
         self.remedy = remedy
+
+    def __reduce__(self) -> tuple[type[TorchsynthError], tuple[str, str, str, str]]:
+        # OSError keeps other arguments than it was given, and errors do travel between processes.
+        return type(self), (self.subject, self.expectation, self.fact, self.remedy)
 
     def __str__(self) -> str:
         return f"{self.subject}: {self.expectation}, but {self.fact}; {self.remedy}"

@@ -65,8 +65,21 @@ def check_memory(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> N
         raise InputError(
             "size", f"must fit the {_gibibytes(available)} of memory of this machine",
             f"{outputs} output(s) of {size[0]}x{size[1]} would take about {_gibibytes(needed)}",
-            "ask for a smaller size, or make the outputs one after another",
+            "ask for a smaller size, or fewer outputs at once",
         )  # fmt: skip
+
+
+def outputs_that_fit(recipe: Recipe, samples: Image, size: Shape, wanted: int) -> int:
+    """How many outputs this machine's memory holds at once: at most as many as wanted, at least one.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> outputs_that_fit(recipes.wei_levoy(), torch.rand(1, 1, 32, 32), (64, 64), 8)
+        8
+    """
+    available = _machine_memory()
+    fitting = (n for n in range(1, wanted + 1) if memory_needed(recipe, samples, size, n) <= available)
+    return max(fitting, default=1)
 
 
 def memory_needed(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> int:
@@ -122,4 +135,5 @@ def _machine_memory() -> int:
 
 
 def _gibibytes(amount: int) -> str:
-    return f"{amount / 2**30:,.1f} GiB"
+    # Integers have no limit, so that a size with a hundred digits gets here; floats have one.
+    return f"{amount / 2**30:,.1f} GiB" if amount < 2**90 else "more than a quintillion GiB"

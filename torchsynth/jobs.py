@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import platform
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, ValidationError, model_validator
 
-from torchsynth import config
+from torchsynth import checks, config
+from torchsynth.codecs import Depth
 from torchsynth.controls import Controls
-from torchsynth.errors import ConfigError, InputError
+from torchsynth.errors import ConfigError, InputError, OutputError
 from torchsynth.exemplar import Exemplar
+from torchsynth.feasibility import outputs_that_fit
 from torchsynth.io import (
-    Depth,
     Picture,
     Put,
     check_storable,
@@ -81,6 +85,8 @@ class Files:
 def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
     """Make the outputs of a job and write them, each file whole or not at all.
 
+    Several outputs are made some at a time; those that are written stay, whatever happens to the rest.
+
     Returns:
         The pictures that were written.
 
@@ -91,26 +97,22 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
     inputs = _read_inputs(job)
     exemplar = inputs["exemplar"]
     height, width = exemplar.image.shape[1:]
-    size = job.size or (2 * height, 2 * width)
-    _check_files(job, files, exemplar)
-    digests = {name: picture.sha256 for name, picture in inputs.items()}
-    valid = inputs["valid"].image.mean(0) > 0.5 if "valid" in inputs else None
-    initial = inputs["initial"].image if "initial" in inputs else None
-    sample, controls = Exemplar(exemplar.image, valid), Controls(initial)
-    written: list[Path] = []
-    for start in range(0, len(job.seeds), _BATCH):
-        seeds = job.seeds[start : start + _BATCH]
+    size = checks.check_size(job.size or (2 * height, 2 * width))
+    checks.check_seeds(job.seeds, None)
+    check_storable(files.output, len(exemplar.image), size)
+    targets = [_targets(files, number, job.recipe.levels) for number in _numbers(job)]
+    _check_targets(job, files, [path for one in targets for path in one.all])
+    sample, controls = _sample(inputs), Controls(inputs["initial"].image if "initial" in inputs else None)
+    batch = outputs_that_fit(job.recipe, sample.samples, size, min(_BATCH, len(job.seeds)))
+    for start in range(0, len(job.seeds), batch):
+        seeds = job.seeds[start : start + batch]
         result = synthesize(sample, size, job.recipe, controls=controls, seed=seeds, progress=progress)
         with staging() as put:
-            for item, seed in enumerate(seeds):
-                number = start + item if len(job.seeds) > 1 else None
-                _put_output(put, result, item, exemplar.depth, files, number)
-                record = _record(job, size, seed, digests)
-                path = _numbered(files.output, number)
-                text = json.dumps(record, indent=2)
-                put(path.with_suffix(".json"), lambda file, text=text: file.write_text(text))
-                written.append(path)
-    return written
+            for item, target in enumerate(targets[start : start + batch]):
+                _put_output(put, result, item, exemplar.depth, target)
+                record = _record(job, inputs, size, seeds[item])
+                put(target.record, json.dumps(record, indent=2).encode())
+    return [target.picture for target in targets]
 
 
 def parse_size(text: str) -> Shape:
@@ -123,11 +125,12 @@ def parse_size(text: str) -> Shape:
         >>> parse_size("192x256")
         (192, 256)
     """
-    match = re.fullmatch(r"(-?\d+)[xX](-?\d+)", text.strip())
+    match = re.fullmatch(r"([+-]?\d{1,100})[xX]([+-]?\d{1,100})", text.strip())
     if match is None:
         raise InputError(
-            "size", "must be HxW, height and width in pixels", f"it is {text!r}", "write e.g. 256x256"
-        )
+            "size", "must be HxW, height and width in pixels", f"it is {checks.shortened(text)}",
+            "write e.g. 256x256",
+        )  # fmt: skip
     return int(match[1]), int(match[2])
 
 
@@ -138,112 +141,173 @@ def load_record(path: Path) -> Job:
         ConfigError: If the file is not such a record.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        inputs: dict[str, dict[str, str]] = data["inputs"]
-        height, width = data["size"]
-        recipe, seed = data["recipe"], data["seed"]
-        paths = {name: _found(one["path"], path.parent) for name, one in inputs.items()}
-        digests = {name: one["sha256"] for name, one in inputs.items()}
-        exemplar = paths["exemplar"]
+        record = _Record.model_validate_json(path.read_bytes())
     except OSError as error:
-        fact = str(error.strerror).lower()
+        fact = f"the system says: {(error.strerror or str(error)).lower()}"
         raise ConfigError(str(path), "must be a readable file", fact, "check the path") from None
-    except (ValueError, KeyError, TypeError):
+    except ValidationError:
         raise ConfigError(
             str(path), "must be a record that 'torchsynth synthesize' wrote", "it is not",
             "pass the .json beside the picture",
         ) from None  # fmt: skip
+    paths = {name: _found(one.path, path.parent) for name, one in record.inputs.items()}
     return Job(
-        exemplar=exemplar,
-        recipe=config.parse_recipe(recipe, f"{path}: recipe"),
-        size=(height, width),
-        seeds=(seed,),
+        exemplar=paths["exemplar"],
+        recipe=config.parse_recipe(record.recipe, f"{path}: recipe"),
+        size=record.size,
+        seeds=(record.seed,),
         valid=paths.get("valid"),
         initial=paths.get("initial"),
-        sha256=digests,
+        sha256={name: one.sha256 for name, one in record.inputs.items()},
     )
 
 
+class _Input(BaseModel):
+    path: str
+    sha256: str
+
+
+class _Record(BaseModel):
+    """What :func:`_record` writes; it may hold more than is needed to read it."""
+
+    recipe: dict[str, Any]
+    size: tuple[int, int]
+    seed: int
+    inputs: dict[Literal["exemplar", "valid", "initial"], _Input]
+
+    @model_validator(mode="after")
+    def _has_an_exemplar(self) -> _Record:
+        if "exemplar" not in self.inputs:
+            raise ValueError("there is no exemplar")
+        return self
+
+
+@dataclass(frozen=True)
+class _Targets:
+    """Where the files of one output go; ``levels`` by level and by the name of the picture in it."""
+
+    picture: Path
+    record: Path
+    source_map: Path | None
+    levels: dict[tuple[int, str], Path]
+
+    @property
+    def all(self) -> list[Path]:
+        """All of them."""
+        maybe = [] if self.source_map is None else [self.source_map]
+        return [self.picture, self.record, *maybe, *self.levels.values()]
+
+
+def _targets(files: Files, number: int | None, levels: int) -> _Targets:
+    picture = _numbered(files.output, number)
+    prefix = "" if number is None else f"{number}-"
+    folder = files.levels
+    pictures = {
+        (level, name): folder / f"{prefix}level-{level}-{name}{files.output.suffix}"
+        for level in range(levels if folder is not None else 0)
+        for name in ("exemplar", "start", "image")
+        if folder is not None
+    }
+    source_map = None if files.source_map is None else _numbered(files.source_map, number)
+    return _Targets(picture, picture.with_suffix(".json"), source_map, pictures)
+
+
+def _check_targets(job: Job, files: Files, targets: Sequence[Path]) -> None:
+    """Everything that can be known about the output files before the work."""
+    if files.source_map is not None and files.source_map.suffix.lower() != ".npz":
+        suffix = files.source_map.suffix
+        raise InputError(
+            str(files.source_map), "a source map must end in .npz",
+            f"it ends in {suffix!r}" if suffix else "it has no extension", "rename it",
+        )  # fmt: skip
+    _check_distinct(_paths(job).values(), targets)
+    folder = files.levels
+    if folder is not None and os.path.exists(folder) and not os.path.isdir(folder):
+        raise OutputError(str(folder), "must be a folder", "it is a file", "choose another name")
+    new_folder = folder if folder is not None and not os.path.exists(folder) else None
+    if new_folder is not None:
+        check_writable(new_folder, overwrite=False)
+    for path in targets:
+        if new_folder is None or path.parent != new_folder:
+            check_writable(path, overwrite=files.overwrite)
+
+
+def _check_distinct(inputs: Iterable[str], targets: Iterable[Path]) -> None:
+    """No two files of a job may be the same: the later one would destroy the earlier."""
+    taken = {os.path.realpath(path) for path in inputs}
+    seen: set[str] = set()
+    for path in targets:
+        place = os.path.realpath(path)
+        if place in taken or place in seen:
+            other = "an input" if place in taken else "another output"
+            raise OutputError(
+                str(path), "must be a file of its own", f"it is {other} as well", "choose another name"
+            )
+        seen.add(place)
+
+
 def _read_inputs(job: Job) -> dict[str, Picture]:
-    paths = {"exemplar": job.exemplar, "valid": job.valid, "initial": job.initial}
-    pictures = {name: read_picture(path) for name, path in paths.items() if path is not None}
+    paths = _paths(job)
+    pictures = {name: read_picture(path) for name, path in paths.items()}
     for name, expected in (job.sha256 or {}).items():
         if pictures[name].sha256 != expected:
             raise InputError(
-                str(paths[name]), f"must be the file the record was made with (SHA-256 {expected[:12]}...)",
+                paths[name], f"must be the file the record was made with (SHA-256 {expected[:12]}...)",
                 f"its SHA-256 is {pictures[name].sha256[:12]}...",
                 "restore the file, or use 'torchsynth synthesize' for the new one",
             )  # fmt: skip
     return pictures
 
 
-def _check_files(job: Job, files: Files, exemplar: Picture) -> None:
-    """Everything that can be known about the output files before the work."""
-    check_storable(exemplar.image, files.output)
-    if files.source_map is not None and files.source_map.suffix.lower() != ".npz":
-        raise InputError(
-            str(files.source_map), "a source map is written as .npz",
-            f"it ends in {files.source_map.suffix!r}", "rename it",
-        )  # fmt: skip
-    numbers: Sequence[int | None] = range(len(job.seeds)) if len(job.seeds) > 1 else (None,)
-    for number in numbers:
-        output = _numbered(files.output, number)
-        for path in (output, output.with_suffix(".json")):
-            check_writable(path, overwrite=files.overwrite)
-        if files.source_map is not None:
-            check_writable(_numbered(files.source_map, number), overwrite=files.overwrite)
-        if files.levels is not None and files.levels.is_dir():
-            for path in _level_paths(files, number, job.recipe.levels).values():
-                check_writable(path, overwrite=files.overwrite)
-        elif files.levels is not None:
-            check_writable(files.levels, overwrite=False)
+def _sample(inputs: dict[str, Picture]) -> Exemplar:
+    if "valid" not in inputs:
+        return Exemplar(inputs["exemplar"].image)
+    region = inputs["valid"].image
+    colors = region[:-1] if len(region) in (2, 4) else region  # alpha does not make a pixel white
+    return Exemplar(inputs["exemplar"].image, colors.mean(0) > 0.5)
 
 
-def _put_output(put: Put, result: Result, item: int, depth: Depth, files: Files, number: int | None) -> None:
+def _put_output(put: Put, result: Result, item: int, depth: Depth, targets: _Targets) -> None:
     """One sample of a result: its picture, and its levels and source map where they are wanted."""
-    output = _numbered(files.output, number)
-    put(output, lambda file: encode_image(result.image[item], file, depth))
-    if files.source_map is not None:
+    put(targets.picture, encode_image(result.image[item], targets.picture, depth))
+    if targets.source_map is not None:
+        buffer = io.BytesIO()
         source = result.source[item].cpu().numpy().astype(np.int32)
         exemplar_size = np.array(result.levels[0].exemplar.shape[-2:], dtype=np.int32)
-        put(
-            _numbered(files.source_map, number),
-            lambda file: np.savez_compressed(file, source=source, exemplar_size=exemplar_size),
-        )
-    if files.levels is not None:
-        files.levels.mkdir(exist_ok=True)
-        for (level, name), path in _level_paths(files, number, len(result.levels)).items():
-            pictures = getattr(result.levels[level], name)
-            picture = pictures[item if len(pictures) > 1 else 0]
-            put(path, lambda file, picture=picture: encode_image(picture, file, depth))
+        np.savez_compressed(buffer, source=source, exemplar_size=exemplar_size)
+        put(targets.source_map, buffer.getvalue())
+    for (level, name), path in targets.levels.items():
+        pictures = getattr(result.levels[level], name)
+        picture = pictures[item if len(pictures) > 1 else 0]
+        # Blurred, a picture of black and white is gray.
+        put(path, encode_image(picture, path, "8-bit" if depth == "1-bit" else depth))
 
 
-def _level_paths(files: Files, number: int | None, levels: int) -> dict[tuple[int, str], Path]:
-    """The file of each picture of each level."""
-    folder = files.levels or Path()
-    prefix = "" if number is None else f"{number}-"
-    return {
-        (level, name): folder / f"{prefix}level-{level}-{name}{files.output.suffix}"
-        for level in range(levels)
-        for name in ("exemplar", "start", "image")
-    }
-
-
-def _record(job: Job, size: Shape, seed: int, digests: dict[str, str]) -> dict[str, Any]:
-    paths = {"exemplar": job.exemplar, "valid": job.valid, "initial": job.initial}
+def _record(job: Job, inputs: dict[str, Picture], size: Shape, seed: int) -> dict[str, Any]:
+    digests = {name: picture.sha256 for name, picture in inputs.items()}
     return {
         "recipe": job.recipe.model_dump(mode="json", exclude_none=True),
         "size": list(size),
         "seed": seed,
-        "inputs": {name: {"path": paths[name], "sha256": digest} for name, digest in digests.items()},
+        "inputs": {name: {"path": path, "sha256": digests[name]} for name, path in _paths(job).items()},
         "versions": {name: version(name) for name in _LIBRARIES} | {"python": platform.python_version()},
     }
+
+
+def _paths(job: Job) -> dict[str, str]:
+    """The input files by what they are for."""
+    paths = {"exemplar": job.exemplar, "valid": job.valid, "initial": job.initial}
+    return {name: path for name, path in paths.items() if path is not None}
 
 
 def _found(path: str, folder: Path) -> str:
     """An input's path as it was given, or beside its record if it is only there."""
     beside = folder / path
-    return str(beside) if not Path(path).exists() and beside.exists() else path
+    return str(beside) if not os.path.exists(path) and os.path.exists(beside) else path
+
+
+def _numbers(job: Job) -> Sequence[int | None]:
+    return range(len(job.seeds)) if len(job.seeds) > 1 else (None,)
 
 
 def _numbered(path: Path, number: int | None) -> Path:

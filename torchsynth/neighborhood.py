@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 import torch
 from jaxtyping import Int64
@@ -57,7 +57,7 @@ class Layer(Part):
     up: Annotated[int, Field(ge=1)] | None = None
 
     @model_validator(mode="after")
-    def _up_needs_coarse(self) -> Self:
+    def _up_needs_coarse(self) -> Layer:
         if self.up is not None and self.plane != "coarse":
             raise ValueError("'up' is for the coarse plane; a result layer reads its own level")
         return self
@@ -178,13 +178,11 @@ def gather_candidates(
 
 def gather(plane: Plane, reads: Reads) -> Features:
     """Read neighborhoods from an output plane; what does not exist comes out as 0."""
-    batch, _, channels = plane.values.shape
-    sites = len(reads.positions)
     found = plane.values.index_select(1, reads.positions.flatten())
-    features = found.view(batch, sites, -1)
+    features = found.view(len(found), len(reads.positions), -1)
     if reads.inside is None:
         return features
-    return features * reads.inside.repeat_interleave(channels, dim=1)
+    return features * reads.inside.repeat_interleave(plane.values.shape[2], dim=1)
 
 
 def reads_of(layer: Layer, plane: Plane, cells: Cells) -> Reads:
@@ -236,8 +234,10 @@ def _gather_windows(layer: Layer, plane: Plane, cells: Cells) -> Features:
     """The neighborhoods around cells that lie well inside an exemplar plane, by unfolding it."""
     samples, _, channels = plane.values.shape
     box = _Box.of(layer, cells.device)
-    windows = box.windows(plane.values.view(samples, *plane.shape, channels))
     features = plane.values.new_empty(samples, len(cells), len(box.inside) * channels)
+    if len(cells) == 0:
+        return features
+    windows = box.windows(plane.values.view(samples, *plane.shape, channels))
     for start in range(0, len(cells), _CHUNK):
         chunk = cells[start : start + _CHUNK] - torch.tensor(box.pixel, device=cells.device)
         rows, columns = chunk.unsqueeze(1).unbind(2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -21,8 +22,7 @@ from torchsynth._typing import Image
 @contextmanager
 def progress_bar() -> Iterator[synthesis.Progress | None]:
     """A callback that draws level, done / total and time left on a terminal; None elsewhere."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    if not sys.stderr.isatty():  # rich itself also draws where FORCE_COLOR is set
         yield None
         return
     columns = (
@@ -32,10 +32,10 @@ def progress_bar() -> Iterator[synthesis.Progress | None]:
         TextColumn("pixels"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("preparing", total=None)
 
-        def show(level: int, sweep: int, done: int, total: int, preview: Callable[[], Image]) -> None:
+        def show(level: int, sweep: int, done: int, total: int, _preview: Callable[[], Image]) -> None:
             bar.update(task, description=f"level {level} sweep {sweep + 1}", completed=done, total=total)
 
         yield show

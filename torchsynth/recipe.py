@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -38,7 +38,7 @@ class Recipe(Part):
     sweeps: Annotated[tuple[Sweep, ...], Field(min_length=1, strict=False)]
 
     @model_validator(mode="after")
-    def _every_level_is_swept(self) -> Self:
+    def _every_level_is_swept(self) -> Recipe:
         for sweep in self.sweeps:
             beyond = [level for level in sweep.levels or () if level >= self.levels]
             if beyond:

@@ -43,7 +43,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import torch
 from pydantic import Field
-from torch.nn.functional import max_pool2d
+from torch import Tensor
 
 from torchsynth._typing import Grid, Sites
 from torchsynth.lattice import Boundary, Shape
@@ -51,6 +51,8 @@ from torchsynth.part import Part
 
 Reach: TypeAlias = tuple[int, int]
 """How far a neighborhood reads on the level that is being written: up or down, and sideways."""
+
+_DONE = torch.iinfo(torch.int32).min
 
 
 class Scanline(Part):
@@ -221,27 +223,37 @@ def batches_of(rank: Grid, reach: Reach, boundary: Boundary) -> Grid:
     batch: Grid = inverse
     if len(ranks) < rank.numel():
         return batch
-    # float64 holds every rank exactly; done pixels drop to -inf and no longer hold anyone up.
-    waiting = -rank.double()
+    # Turned around, so that the first is the largest; done pixels no longer hold anyone up.
+    waiting = -rank.int()
     number = 0
-    while not bool(waiting.isneginf().all()):
-        first = (waiting == _window_maximum(waiting, reach, boundary)) & ~waiting.isneginf()
-        batch[first] = number
-        waiting[first] = float("-inf")
+    while bool((waiting > _DONE).any()):
+        first = (waiting == _window_maximum(waiting, reach, boundary)) & (waiting > _DONE)
+        batch.masked_fill_(first, number)
+        waiting.masked_fill_(first, _DONE)
         number += 1
     return batch
 
 
-def _window_maximum(values: torch.Tensor, reach: Reach, boundary: Boundary) -> torch.Tensor:
-    """The largest value in the window around each pixel: a maximum of rows, then of columns."""
+def _window_maximum(values: Tensor, reach: Reach, boundary: Boundary) -> Tensor:
+    """The largest value in the window around each pixel: along columns, then along rows."""
     for axis, side in enumerate(reach):
+        length = values.shape[axis]
+        around = torch.arange(-side, length + side)
         if boundary == "torus":
-            length = values.shape[axis]
-            around = torch.arange(-side, length + side) % length
-            values, padding = values.index_select(axis, around), 0
+            padded = values.index_select(axis, around % length)
         else:
-            padding = side
-        kernel, pad = [1, 1], [0, 0]
-        kernel[axis], pad[axis] = 2 * side + 1, padding
-        values = max_pool2d(values[None, None], kernel, stride=1, padding=pad)[0, 0]
+            # Repeating the border pixels adds nothing that is not in the window anyway.
+            padded = values.index_select(axis, around.clamp(0, length - 1))
+        values = _running_maximum(padded, axis, 2 * side + 1)
+    return values
+
+
+def _running_maximum(values: Tensor, axis: int, width: int) -> Tensor:
+    """The maximum of each run of ``width`` values, from runs of half the width, and so on."""
+    covered = 1
+    while covered < width:
+        step = min(covered, width - covered)
+        count = values.shape[axis] - step
+        values = torch.maximum(values.narrow(axis, 0, count), values.narrow(axis, step, count))
+        covered += step
     return values

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Annotated, TypeAlias
 
 import torch
@@ -173,16 +174,17 @@ class _Reader:
     """The output side of a neighborhood: its layers, bound to the planes of one output.
 
     Args:
+        canvas: The plane that is being written.
         bound: For each layer its plane, and whether that plane changes during the sweep.
     """
 
+    canvas: Plane
     bound: list[tuple[Layer, Plane, bool]]
-    width: int
 
     @classmethod
     def of(cls, layers: Sequence[Layer], level: int, planes: Sequence[Plane]) -> _Reader:
         bound = [(layer, planes[level + layer.steps_up], layer.plane == "result") for layer in layers]
-        return cls(bound, planes[level].shape[1])
+        return cls(planes[level], bound)
 
     @property
     def reach(self) -> Reach | None:
@@ -195,18 +197,25 @@ class _Reader:
 
     def gather(self, sites: Sites) -> _Gathered:
         """Read everything of the sites' neighborhoods that cannot change any more."""
-        cells = to_cells(sites, self.width)
+        cells = to_cells(sites, self.canvas.shape[1])
         every = [reads_of(layer, plane, cells) for layer, plane, _ in self.bound]
-        # A moving layer's values are placeholders here: they keep its place in the vector.
-        features = [gather(plane, reads) for (_, plane, _), reads in zip(self.bound, every, strict=True)]
-        moving, start = [], 0
-        for (_, plane, moves), reads, found in zip(self.bound, every, features, strict=True):
-            stop = start + found.shape[2]
+        batch, _, channels = self.canvas.values.shape
+        widths = [reads.positions.shape[1] * channels for reads in every]
+        features = self.canvas.values.new_empty(batch, len(sites), sum(widths) + 1)
+        features[..., -1] = 1
+        moving = []
+        for (_, plane, moves), reads, columns in zip(self.bound, every, _spans(widths), strict=True):
             if moves:
-                moving.append((slice(start, stop), plane, reads))
-            start = stop
-        one = features[0].new_ones(*features[0].shape[:2], 1)
-        return _Gathered(torch.cat((*features, one), 2), _readable(every, features), moving)
+                moving.append((columns, plane, reads))
+            else:
+                features[..., columns] = gather(plane, reads)
+        return _Gathered(features, _readable(every, widths), moving)
+
+
+def _spans(widths: Sequence[int]) -> list[slice]:
+    """Where blocks of these widths lie, one after the other."""
+    stops = list(accumulate(widths))
+    return [slice(stop - width, stop) for stop, width in zip(stops, widths, strict=True)]
 
 
 def _split(flags: Tensor | None, sizes: list[int]) -> list[Tensor | None]:
@@ -216,13 +225,13 @@ def _split(flags: Tensor | None, sizes: list[int]) -> list[Tensor | None]:
     return [None if bool(piece.all()) else piece for piece in flags.split(sizes)]
 
 
-def _readable(every: Sequence[Reads], features: Sequence[Features]) -> Bool[Tensor, "sites features"] | None:
+def _readable(every: Sequence[Reads], widths: Sequence[int]) -> Bool[Tensor, "sites features"] | None:
     """Which features exist, layer after layer; None if all of them do."""
     if all(reads.inside is None for reads in every):
         return None
     blocks = []
-    for reads, found in zip(every, features, strict=True):
+    for reads, width in zip(every, widths, strict=True):
         there = torch.ones_like(reads.positions, dtype=torch.bool)
         inside = there if reads.inside is None else reads.inside
-        blocks.append(inside.repeat_interleave(found.shape[2] // inside.shape[1], dim=1))
+        blocks.append(inside.repeat_interleave(width // inside.shape[1], dim=1))
     return torch.cat(blocks, dim=1)

@@ -148,7 +148,7 @@ def _initial_for(controls: Controls, samples: Image, size: Shape, outputs: int) 
         raise InputError(
             "initial", f"must have the output's channels, height and width {wanted}",
             f"its shape is {tuple(controls.initial.shape)}",
-            f"pass one picture, or {outputs}: one for each output",
+            "resize it; a batch needs one picture, or one for each output",
         )  # fmt: skip
     return initial.to(samples).expand(outputs, -1, -1, -1)
 

@@ -27,7 +27,7 @@ class Query:
         readable: Which features exist, the same for all samples; None means all of them.
     """
 
-    features: Float[Tensor, "batch sites features+1"]
+    features: Float[Tensor, "batch sites augmented"]
     readable: Bool[Tensor, "sites features"] | None = None
 
 

@@ -16,7 +16,7 @@ from torchsynth.search.base import MEMORY_BUDGET, Costs, Query
 
 # A product with few queries is fastest when each block of candidates, and its costs, stay in the
 # innermost caches: a fifth less time than one wide product, together with finding the minimum.
-_BLOCK = 128
+_BLOCK = 192
 # Below this many candidates, one block is best: the number of calls is what counts.
 _ONE_BLOCK = 2048
 
@@ -29,13 +29,20 @@ class ExhaustiveState:
         products: Minus twice the weighted candidates, and below them their weighted squared lengths,
             which a query's last 1 picks up: infinite in columns that pad the last block.
         squares: Their weighted squares, zero in those columns; None where every query is complete.
+        exemplars: How many exemplars there are; the blocks of the first come first.
         workspace: Where costs are written, again and again: fresh memory for each of thousands of
             searches would cost a tenth of the time.
     """
 
-    products: Float[Tensor, "exemplars blocks features+1 columns"]
-    squares: Float[Tensor, "exemplars blocks features+1 columns"] | None
+    products: Float[Tensor, "blocks augmented columns"]
+    squares: Float[Tensor, "blocks augmented columns"] | None
+    exemplars: int
     workspace: Float[Tensor, " size"]
+
+    @property
+    def width(self) -> int:
+        """How many costs a query has."""
+        return len(self.products) // self.exemplars * self.products.shape[2]
 
 
 class Exhaustive(Part):
@@ -69,19 +76,22 @@ class Exhaustive(Part):
         candidates = index.features.transpose(1, 2)
         weighted = candidates * index.weights.to(candidates.dtype).unsqueeze(1)
         squares = weighted * candidates
-        products = torch.cat((weighted.mul_(-2), squares.sum(1, keepdim=True)), dim=1)
-        columns = candidates.shape[2]
-        capacity = max(1, MEMORY_BUDGET // (columns * products.element_size()))
+        products = _in_blocks(
+            torch.cat((weighted.mul_(-2), squares.sum(1, keepdim=True)), dim=1), last_row=float("inf")
+        )
+        exemplars = len(candidates)
+        width = len(products) // exemplars * products.shape[2]
+        capacity = max(1, MEMORY_BUDGET // (width * products.element_size()))
         return ExhaustiveState(
-            _in_blocks(products, last_row=float("inf")),
+            products,
             None if complete else _in_blocks(pad(squares, (0, 0, 0, 1)), last_row=float("inf")),
-            products.new_empty(capacity * (columns + -columns % _BLOCK)),
+            exemplars,
+            products.new_empty(capacity * width),
         )
 
     def capacity(self, state: ExhaustiveState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
-        _, blocks, _, columns = state.products.shape
-        return len(state.workspace) // (blocks * columns)
+        return len(state.workspace) // state.width
 
     def search(self, state: ExhaustiveState, query: Query) -> Costs:
         """What every candidate costs.
@@ -92,29 +102,32 @@ class Exhaustive(Part):
             of the index is column ``i`` counted through the blocks. Valid until the next search with
             the same state.
         """
-        cost = _product(query.features, state.products, state.workspace)
+        batch, sites, _ = query.features.shape
+        out = state.workspace[: batch * sites * state.width]
+        cost = _product(query.features, state.products, state.exemplars, out)
         if query.readable is not None and state.squares is not None:
             partial = ~query.readable.all(1)
-            cost[:, partial] = self._partial_cost(
-                state.products, state.squares, query.features[:, partial], query.readable[partial]
+            cost[:, partial] = _partial_cost(
+                state, state.squares, query.features[:, partial], query.readable[partial]
             )
         return cost
 
-    def _partial_cost(
-        self,
-        products: Tensor,
-        squares: Tensor,
-        features: Float[Tensor, "batch sites features+1"],
-        readable: Bool[Tensor, "sites features"],
-    ) -> Costs:
-        """Unreadable neighbors drop out of the candidates' lengths too, query by query."""
-        lengths = pad(readable.to(features.dtype), (0, 1), value=1.0).expand(len(features), -1, -1)
-        linear = pad(features[..., :-1], (0, 1))  # without the 1 that would add the full lengths
-        return _product(lengths, squares) + _product(linear, products.nan_to_num(posinf=0.0))
+
+def _partial_cost(
+    state: ExhaustiveState,
+    squares: Tensor,
+    features: Float[Tensor, "batch sites augmented"],
+    readable: Bool[Tensor, "sites features"],
+) -> Costs:
+    """Unreadable neighbors drop out of the candidates' lengths too, query by query."""
+    there = pad(readable.to(features.dtype), (0, 1), value=1.0).expand(len(features), -1, -1)
+    lengths = _product(there, squares, state.exemplars)
+    linear = pad(features[..., :-1], (0, 1))  # without the 1 that would add the full lengths
+    return lengths + _product(linear, state.products.nan_to_num(posinf=0.0), state.exemplars)
 
 
 def _in_blocks(matrix: Tensor, last_row: float) -> Tensor:
-    """Cut ``(E, rows, candidates)`` into contiguous blocks ``(E, blocks, rows, columns)``.
+    """Cut ``(E, rows, candidates)`` into contiguous blocks ``(E * blocks, rows, columns)``.
 
     Columns that fill up the last block are zero but for ``last_row``.
     """
@@ -122,17 +135,21 @@ def _in_blocks(matrix: Tensor, last_row: float) -> Tensor:
     columns = candidates if candidates <= _ONE_BLOCK else _BLOCK
     padded = pad(matrix, (0, -candidates % columns))
     padded[:, -1, candidates:] = last_row
-    return padded.view(exemplars, rows, -1, columns).transpose(1, 2).contiguous()
+    return padded.view(exemplars, rows, -1, columns).transpose(1, 2).flatten(0, 1).contiguous()
 
 
-def _product(queries: Tensor, candidates: Tensor, workspace: Tensor | None = None) -> Costs:
+def _product(queries: Tensor, blocks: Tensor, exemplars: int, out: Tensor | None = None) -> Costs:
     """The product of each query with each column: ``(B, sites, blocks, columns)``."""
     batch, sites, features = queries.shape
-    exemplars, blocks, _, columns = candidates.shape
-    # One exemplar for all samples: their queries go into one product. Else each has its own.
-    grouped = queries.reshape(exemplars, 1, -1, features).expand(-1, blocks, -1, -1)
-    out = None
-    if workspace is not None:
-        out = workspace[: batch * sites * blocks * columns].view(exemplars * blocks, -1, columns)
-    cost = torch.bmm(grouped.flatten(0, 1), candidates.flatten(0, 1), out=out)
-    return cost.view(exemplars, blocks, -1, columns).transpose(1, 2).view(batch, sites, blocks, columns)
+    number, _, columns = blocks.shape
+    if exemplars == 1:
+        # One exemplar for all samples: their queries go into the same products.
+        grouped = queries.reshape(1, -1, features).expand(number, -1, -1)
+    else:
+        grouped = queries.repeat_interleave(number // exemplars, dim=0)
+    if out is not None:
+        out = out.view(number, -1, columns)
+    cost = torch.bmm(grouped, blocks, out=out)
+    return (
+        cost.view(exemplars, number // exemplars, -1, columns).transpose(1, 2).view(batch, sites, -1, columns)
+    )

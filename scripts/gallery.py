@@ -1,0 +1,203 @@
+"""Make every picture of the README again: ``python scripts/gallery.py --out docs/images``.
+
+Only built-in samples, the public functions and the seeds written here are used, so each run gives the
+same textures. The pictures are saved as JPEG to keep the repository small; synthesis itself is lossless.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from PIL import Image
+
+import torchsynth as ts
+
+Pixels: TypeAlias = NDArray[np.float32]
+"""A picture to be shown: ``(height, width, 3)``, values in [0, 1]."""
+
+GAP = 8
+RECIPES = Path(__file__).parent.parent / "docs" / "recipes"
+
+
+def strip() -> Pixels:
+    """Each built-in sample beside a 256x256 texture made from it."""
+    pairs = []
+    for name in ("brick", "grass", "pebbles", "gravel"):
+        sample = ts.read_image(f"sample:{name}")
+        pairs.append(in_a_row([shown(sample), texture(sample, 256, 256)]))
+    return in_a_column([in_a_row(pairs[:2]), in_a_row(pairs[2:])])
+
+
+def larger() -> Pixels:
+    """A sample, and a texture of three times its area and another shape."""
+    sample = ts.read_image("sample:brick")
+    return in_a_row([shown(sample), texture(sample, 192, 512)])
+
+
+def resolutions() -> Pixels:
+    """A sample; the same 9x9 neighborhood on one pyramid level, and on four."""
+    sample = ts.read_image("sample:brick")
+    single = ts.recipes.wei_levoy_single(neighborhood=9)
+    multi = ts.recipes.wei_levoy(neighborhood=9)
+    return in_a_row([shown(sample), *(texture(sample, 256, 256, recipe) for recipe in (single, multi))])
+
+
+def tiles() -> Pixels:
+    """Outputs laid 2x2: with an open border, on a torus, and on a torus with a second pass."""
+    sample = ts.read_image("sample:pebbles")
+    recipes = (
+        ts.recipes.wei_levoy(boundary="open"),
+        ts.recipes.wei_levoy(boundary="torus"),
+        ts.load_recipe(RECIPES / "two_pass.yaml"),
+    )
+    return in_a_row([np.tile(texture(sample, 128, 128, recipe), (2, 2, 1)) for recipe in recipes])
+
+
+def seeds() -> Pixels:
+    """Four seeds of one sample, made in one batch."""
+    sample = ts.read_image("sample:brick")
+    result = ts.synthesize(sample, (192, 192), ts.recipes.wei_levoy(), seed=[0, 1, 2, 3])
+    return in_a_row([shown(image) for image in result.image])
+
+
+def transfer() -> Pixels:
+    """A sample with labels, normals and coordinates made for it (above), and all of them carried over."""
+    sample = ts.read_image("sample:brick")
+    result = ts.synthesize(sample, (192, 192), ts.recipes.wei_levoy(), seed=0)
+    maps = (sample, mortar(sample), normals(sample), coordinates(*sample.shape[1:]))
+    rows = [[shown(one) for one in maps], [shown(result.transfer(one)[0]) for one in maps]]
+    wide = rows[1][0].shape[1]
+    padded = [framed(picture, picture.shape[0], wide) for picture in rows[0]]
+    return in_a_column([in_a_row(padded), in_a_row(rows[1])])
+
+
+def levels() -> Pixels:
+    """The levels of one result, from the coarsest to the finest, enlarged to one size."""
+    sample = ts.read_image("sample:brick")
+    result = ts.synthesize(sample, (192, 192), ts.recipes.wei_levoy(), seed=0)
+    return in_a_row([enlarged(shown(level.image[0]), 192) for level in reversed(result.levels)])
+
+
+def initial() -> Pixels:
+    """A sample, a picture to start from, and the picture in the sample's texture."""
+    sample, start = ts.read_image("sample:pebbles"), ring(256)
+    recipe = ts.load_recipe(RECIPES / "restyle.yaml")
+    return in_a_row([shown(sample), shown(start), texture(sample, 256, 256, recipe, ts.Controls(start))])
+
+
+def region() -> Pixels:
+    """A sample with two materials, a texture of all of it, and one of its left half only."""
+    gravel, brick = (ts.read_image(f"sample:{name}") for name in ("gravel", "brick"))
+    sample = torch.cat((gravel[:, :, :96], brick[:, :, :96]), dim=2)
+    left = torch.arange(192).expand(128, 192) < 96
+    recipe = ts.recipes.wei_levoy(levels=3)
+    both = [texture(one, 192, 192, recipe) for one in (sample, ts.Exemplar(sample, left))]
+    return in_a_row([shown(sample), *both])
+
+
+PICTURES: tuple[Callable[[], Pixels], ...] = (
+    strip, larger, resolutions, tiles, seeds, transfer, levels, initial, region,
+)  # fmt: skip
+
+
+def texture(
+    exemplar: torch.Tensor | ts.Exemplar,
+    height: int,
+    width: int,
+    recipe: ts.Recipe | None = None,
+    controls: ts.Controls | None = None,
+) -> Pixels:
+    """Synthesize one texture with seed 0, by Wei-Levoy with four levels if nothing else is said."""
+    recipe = recipe or ts.recipes.wei_levoy()
+    return shown(ts.synthesize(exemplar, (height, width), recipe, controls=controls, seed=0).image[0])
+
+
+def mortar(sample: torch.Tensor) -> torch.Tensor:
+    """Labels of the brick sample, as colors: the brighter pixels are mortar."""
+    colors = torch.tensor([[0.58, 0.20, 0.16], [0.93, 0.88, 0.74]])
+    labels: torch.Tensor = (sample[0] > 0.46).long()
+    return colors[labels].permute(2, 0, 1)
+
+
+def normals(sample: torch.Tensor) -> torch.Tensor:
+    """Surface normals, as colors, of a sample whose brightness is taken for height."""
+    down, right = torch.gradient(sample[0] * 6)
+    directions = torch.stack((-right, down, torch.ones_like(down)))
+    return torch.nn.functional.normalize(directions, dim=0) / 2 + 0.5
+
+
+def coordinates(height: int, width: int) -> torch.Tensor:
+    """Each pixel's own place as a color: red grows to the right, green downwards."""
+    down, right = torch.meshgrid(torch.linspace(0, 1, height), torch.linspace(0, 1, width), indexing="ij")
+    return torch.stack((right, down, torch.full_like(down, 0.5)))
+
+
+def ring(side: int) -> torch.Tensor:
+    """A light ring on darker ground, a little noisy: a made-up picture to start from."""
+    axis = torch.linspace(-1, 1, side)
+    distance = torch.hypot(axis[:, None], axis[None])
+    flat = 0.3 + 0.4 * ((distance > 0.38) & (distance < 0.76)).float()
+    noise = torch.rand(3, side, side, generator=torch.Generator().manual_seed(0)) - 0.5
+    return (flat + 0.5 * noise).clamp(0, 1)
+
+
+def shown(image: torch.Tensor) -> Pixels:
+    """An image tensor, gray or RGB, as a picture."""
+    pixels: Pixels = image.expand(3, -1, -1).permute(1, 2, 0).to(torch.float32).numpy()
+    return pixels
+
+
+def enlarged(picture: Pixels, side: int) -> Pixels:
+    """The picture with each pixel as a square block, so that ``side`` is reached."""
+    return picture.repeat(side // len(picture), axis=0).repeat(side // picture.shape[1], axis=1)
+
+
+def framed(picture: Pixels, height: int, width: int) -> Pixels:
+    """The picture in the middle of a white one."""
+    frame = np.ones((height, width, 3), dtype=np.float32)
+    top, left = (height - picture.shape[0]) // 2, (width - picture.shape[1]) // 2
+    frame[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
+    return frame
+
+
+def in_a_row(pictures: Sequence[Pixels]) -> Pixels:
+    """Pictures side by side, at the same scale, on white."""
+    height = max(len(picture) for picture in pictures)
+    gap = np.ones((height, GAP, 3), dtype=np.float32)
+    pieces = [piece for one in pictures for piece in (gap, framed(one, height, one.shape[1]))]
+    return np.concatenate(pieces[1:], axis=1)
+
+
+def in_a_column(pictures: Sequence[Pixels]) -> Pixels:
+    """Pictures below each other, at the same scale, on white."""
+    return in_a_row([picture.swapaxes(0, 1) for picture in pictures]).swapaxes(0, 1)
+
+
+def save(picture: Pixels, path: Path) -> None:
+    """Write a picture as JPEG."""
+    pixels = (picture * 255).round().astype(np.uint8)
+    Image.fromarray(pixels).save(path, quality=84, subsampling=0, optimize=True)
+
+
+def main() -> None:
+    """Make the pictures that are asked for, or all."""
+    parser = argparse.ArgumentParser(description="Make the pictures of the README.")
+    parser.add_argument("--out", type=Path, required=True, help="the folder to write to")
+    parser.add_argument("--only", nargs="*", default=[make.__name__ for make in PICTURES], help="which ones")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    for make in PICTURES:
+        if make.__name__ in options.only:
+            path = options.out / f"{make.__name__}.jpg"
+            save(make(), path)
+            print(path, f"{path.stat().st_size // 1000} kB", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+"""The public surface, and what importing it costs."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+import torch
+from pydantic import ValidationError
+
+import torchsynth as ts
+
+SURFACE = [
+    "Best", "Causal", "ConfigError", "Controls", "Exemplar", "Exhaustive", "InputError", "Layer", "Level",
+    "Noise", "OutputError", "Recipe", "Result", "Scanline", "Shuffle", "Simultaneous", "Square", "Sweep",
+    "TorchsynthError", "dump_recipe", "load_recipe", "read_image", "recipes", "synthesize", "write_image",
+]  # fmt: skip
+
+
+def test_public_names():
+    assert sorted(ts.__all__) == SURFACE
+    assert all(hasattr(ts, name) for name in SURFACE)
+
+
+def test_every_recipe_has_a_name_a_description_and_a_docstring():
+    for name, make in ts.recipes.RECIPES.items():
+        assert make().name == name == make.__name__
+        assert make().description
+        assert "Source:" in make.__doc__
+
+
+def test_parts_are_frozen():
+    with pytest.raises(ValidationError, match="frozen"):
+        ts.recipes.wei_levoy().levels = 2
+
+
+@pytest.mark.parametrize("kind", [ts.InputError, ts.ConfigError, ts.OutputError])
+def test_errors_survive_pickling(kind):
+    error = kind("size", "must be small", "it is large", "shrink it")
+    again = pickle.loads(pickle.dumps(error))  # noqa: S301 (made here)
+    assert type(again) is kind
+    assert str(again) == "size: must be small, but it is large; shrink it"
+
+
+def test_results_survive_pickling():
+    result = ts.synthesize(torch.rand(1, 10, 10), (5, 5), ts.recipes.wei_levoy_single(neighborhood=3))
+    again = pickle.loads(pickle.dumps(result))  # noqa: S301 (made here)
+    assert again.image.equal(result.image)
+    assert again.recipe == result.recipe

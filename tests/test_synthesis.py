@@ -1,0 +1,199 @@
+"""The entry point: controls, valid regions, seeds, progress, results, and input that cannot be used."""
+
+from __future__ import annotations
+
+import hashlib
+
+import pytest
+import torch
+
+import torchsynth as ts
+from torchsynth.pyramid import gaussian_pyramid, level_shapes, match_histogram
+
+SMALL = ts.recipes.wei_levoy(levels=2, neighborhood=5, parent=3)
+SINGLE = ts.recipes.wei_levoy_single(neighborhood=5)
+
+
+def test_the_same_bytes_everywhere():
+    """A golden digest: another machine, thread count or torch must not change it.
+
+    If it fails after a deliberate change of an algorithm, say so in the CHANGELOG and put the new one.
+    """
+    exemplar = ts.read_image("sample:pebbles")[:, :40, :40]
+    result = ts.synthesize(
+        exemplar, (37, 50), ts.recipes.wei_levoy(levels=3, parent=3, neighborhood=7), seed=2
+    )
+    digest = hashlib.sha256(result.source.numpy().astype("<i8").tobytes()).hexdigest()
+    assert digest == "26ee4dc41481cc597886a2b634b2d58dfafbd00fb1869a7c81d727a8e4541fef"
+
+
+def test_pixels_outside_the_valid_region_never_matter(make_exemplar):
+    exemplar = make_exemplar(1, 32, 32)
+    valid = torch.zeros(32, 32, dtype=torch.bool)
+    valid[2:26, 5:31] = True
+    results = []
+    for color in (0.0, 1.0):
+        painted = torch.where(valid, exemplar, color)
+        # The noise takes the exemplar's histogram, which the paint is part of: so it is given here.
+        noise = ts.Controls(make_exemplar(1, 20, 20, seed=5))
+        results.append(ts.synthesize(ts.Exemplar(painted, valid), (20, 20), SMALL, controls=noise))
+    assert results[0].source.equal(results[1].source)
+    rows, columns = results[0].source[0]
+    assert valid[rows, columns].all()
+
+
+def test_initial_pictures_replace_the_noise(make_exemplar):
+    exemplar, initial = make_exemplar(1), make_exemplar(1, 12, 12, seed=4)
+    one = ts.synthesize(exemplar, (12, 12), SINGLE, controls=ts.Controls(initial), seed=1)
+    other = ts.synthesize(exemplar, (12, 12), SINGLE, controls=ts.Controls(initial), seed=2)
+    assert one.image.equal(other.image)
+    assert one.levels[0].start[0].equal(initial)
+    assert not one.image.equal(ts.synthesize(exemplar, (12, 12), SINGLE, seed=1).image)
+
+
+def test_an_exemplar_as_its_own_start_is_found_again(make_exemplar):
+    """All neighborhoods a scanline reads exist in the exemplar once its rows go on as it does."""
+    exemplar = make_exemplar(1, 24, 24)
+    result = ts.synthesize(exemplar, (24, 24), SMALL, controls=ts.Controls(exemplar))
+    assert result.cost.mean() < 0.02
+
+
+def test_levels_are_the_finest_first(make_exemplar):
+    result = ts.synthesize(
+        make_exemplar(1, 30, 30), (21, 26), ts.recipes.wei_levoy(levels=3, neighborhood=3, parent=3)
+    )
+    assert [tuple(level.image.shape[-2:]) for level in result.levels] == [(21, 26), (10, 13), (5, 6)]
+    assert result.image.equal(result.levels[0].image)
+    assert result.seeds == (0,)
+
+
+def test_noise_has_the_exemplar_s_histogram_at_every_level(make_exemplar):
+    exemplar = make_exemplar(3, 32, 32)
+    result = ts.synthesize(exemplar, (32, 32), SMALL)
+    for level in result.levels:
+        start = level.start[0].flatten(1).sort().values
+        sample = level.exemplar[0].flatten(1).sort().values
+        assert (start - sample).abs().max() < 0.06
+
+
+def test_progress_counts_every_pixel_of_every_sweep(make_exemplar):
+    calls = []
+
+    def progress(level, sweep, done, total, preview):
+        calls.append((level, sweep, done, total, tuple(preview().shape)))
+
+    ts.synthesize(make_exemplar(1), (14, 10), SMALL, seed=[1, 2], progress=progress)
+    assert calls[0] == (1, 0, 0, 35 + 140, (2, 1, 7, 5))
+    assert calls[-1] == (0, 0, 175, 175, (2, 1, 14, 10))
+    assert [call[2] for call in calls] == sorted(call[2] for call in calls)
+
+
+def test_an_exception_in_progress_cancels_and_nothing_stays_behind(make_exemplar):
+    class StoppedError(Exception):
+        pass
+
+    def progress(level, sweep, done, total, preview):  # noqa: ARG001 (the callback's signature)
+        if done:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        ts.synthesize(make_exemplar(1), (14, 10), SMALL, progress=progress)
+    first = ts.synthesize(make_exemplar(1), (14, 10), SMALL)
+    assert first.image.equal(ts.synthesize(make_exemplar(1), (14, 10), SMALL).image)
+
+
+def test_transfer_carries_other_maps(make_exemplar):
+    exemplar = make_exemplar(1, 16, 20)
+    result = ts.synthesize(exemplar, (9, 9), SINGLE, seed=[1, 2])
+    labels = torch.arange(320, dtype=torch.int32).view(1, 16, 20)
+    moved = result.transfer(labels)
+    rows, columns = result.source.unbind(1)
+    assert moved.dtype == torch.int32
+    assert moved[:, 0].equal((rows * 20 + columns).int())
+    each = torch.stack([labels, labels + 1000])
+    assert result.transfer(each)[1].equal(moved[1] + 1000)
+    with pytest.raises(ts.InputError, match=r"map of the exemplar's size \(16, 20\)"):
+        result.transfer(labels[:, :5])
+    with pytest.raises(ts.InputError, match="one map, or 2"):
+        result.transfer(labels.expand(3, 1, 16, 20))
+
+
+def test_gradients_neither_break_nor_leak(make_exemplar):
+    exemplar = make_exemplar(1).requires_grad_()
+    result = ts.synthesize(exemplar, (6, 6), SINGLE)
+    assert not result.image.requires_grad
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"exemplar": torch.rand(1, 7, 7)}, r"exemplar: the 5x5 result neighborhood must fit inside level 1, but that level is only 3x3; use levels <= 1"),
+        ({"exemplar": torch.rand(1, 2, 30)}, r"must fit inside level 0.*use a smaller"),
+        ({"size": (0, 4)}, "size: height and width must be at least 1 pixel"),
+        ({"size": (4, -4)}, "size: height and width must be at least 1 pixel"),
+        ({"size": (10**6, 10**6)}, r"size: must fit the .* GiB of memory .* would take about .* GiB"),
+        ({"seed": -1}, r"seed: must be a whole number from 0"),
+        ({"seed": 2**63}, r"seed: must be a whole number from 0"),
+        ({"seed": []}, "seed: must name at least one output"),
+        ({"seed": True}, "seed: must be a whole number"),
+        ({"exemplar": torch.rand(2, 1, 20, 20), "seed": [1, 2, 3]}, "2 exemplars needs 2 seeds, but there are 3"),
+        ({"controls": ts.Controls(torch.rand(1, 5, 5))}, r"initial: must have the output's channels, height and width \(1, 8, 8\)"),
+    ],
+)  # fmt: skip
+def test_unusable_input_says_what_to_change(arguments, message):
+    usable = {"exemplar": torch.rand(1, 20, 20), "size": (8, 8), "recipe": SMALL} | arguments
+    with pytest.raises(ts.InputError, match=message):
+        ts.synthesize(**usable)
+
+
+def test_a_valid_region_without_a_whole_neighborhood_is_refused():
+    valid = torch.zeros(20, 20, dtype=torch.bool)
+    valid[::3] = True
+    with pytest.raises(ts.InputError, match="valid: must hold at least one whole neighborhood"):
+        ts.synthesize(ts.Exemplar(torch.rand(1, 20, 20), valid), (8, 8), SMALL)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"levels": 0}, "greater than or equal to 1"),
+        ({"levels": 3, "sweeps": [(SMALL.sweeps[0], (0, 1))]}, "no sweep runs on level 2"),
+        ({"sweeps": [(SMALL.sweeps[0], (0, 1, 2))]}, "names level 2, but with 2 levels the coarsest is 1"),
+        ({"sweeps": []}, "at least 1 item"),
+    ],
+)
+def test_impossible_recipes_are_refused(changes, message):
+    if "sweeps" in changes:
+        changes["sweeps"] = tuple(
+            sweep.model_copy(update={"levels": levels}) for sweep, levels in changes["sweeps"]
+        )
+    with pytest.raises(ValueError, match=message):
+        ts.Recipe(**({"levels": 2, "sweeps": SMALL.sweeps} | changes))
+
+
+def test_a_coarsest_level_without_a_result_layer_is_refused():
+    coarse_only = SMALL.sweeps[0].model_copy(update={"layers": SMALL.sweeps[0].layers[1:]})
+    with pytest.raises(ValueError, match="need a result layer"):
+        ts.Recipe(levels=2, sweeps=(coarse_only,))
+
+
+def test_recipe_sizes_have_to_agree():
+    with pytest.raises(ts.ConfigError, match="neighborhood: must be one size, or 3"):
+        ts.recipes.wei_levoy(levels=3, neighborhood=(5, 5))
+
+
+@pytest.mark.parametrize("side", [1, 2, 3, 4, 5, 9])
+@pytest.mark.parametrize("border", ["circular", "reflect"])
+def test_pyramids_of_tiny_pictures(side, border):
+    levels = gaussian_pyramid(torch.full((2, 1, side, 7), 0.5), 4, border)
+    assert [tuple(level.shape[-2:]) for level in levels] == list(level_shapes((side, 7), 4))
+    assert all((level == 0.5).all() for level in levels)
+
+
+def test_histograms_are_matched_per_sample_and_channel():
+    image = torch.rand(2, 3, 6, 6)
+    reference = torch.rand(1, 3, 6, 6) * torch.tensor([0.1, 0.5, 1.0]).view(1, 3, 1, 1)
+    matched = match_histogram(image, reference)
+    for sample in matched:
+        for plane, like in zip(sample, reference[0], strict=True):
+            assert plane.flatten().sort().values.allclose(like.flatten().sort().values)
