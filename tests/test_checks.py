@@ -101,14 +101,14 @@ def test_an_absurd_size_is_told_what_it_would_take(size, make_exemplar):
 @pytest.mark.parametrize(
     ("seed", "outputs", "message"),
     [
-        (-1, None, "seed: must be a whole number from 0 to 2**63 - 1, or a list of such numbers, but it is -1;"),
-        (2**63, None, "but it is 9223372036854775808;"),
+        (-1, None, "seed: must be a whole number from 0 to 2**32 - 1, or a list of such numbers, but it is -1;"),
+        (2**32, None, "but it is 4294967296;"),
         (1.5, 2, "but it is 1.5;"),
         (True, None, "but it is True;"),
         ("1", None, "but it is '1';"),
         ([0, -3], None, "but one is -3;"),
         ([1, True], None, "but one is True;"),
-        (2**63 - 1, 2, "but one is 9223372036854775808;"),
+        (2**32 - 1, 2, "but one is 4294967296;"),
         ([], None, "seed: must name at least one output, but the list is empty; pass a number"),
         ([1, 2], 3, "seed: a batch of 3 exemplars needs 3 seeds, but there are 2; pass one seed"),
     ],

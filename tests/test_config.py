@@ -32,7 +32,7 @@ def test_each_recipe_has_its_config():
     "recipe",
     [
         wei_levoy(levels=3, neighborhood=(9, 7, 5), parent=(5, 3), boundary="open"),
-        load_recipe("wei_levoy_single", ["sweeps[0].order={kind: shuffle, seed: 9223372036854775807}",
+        load_recipe("wei_levoy_single", ["sweeps[0].order={kind: shuffle, seed: 4294967295}",
                                          "description='colon: \"quotes\" \u00e9'"]),
     ],
     ids=["one sweep for each level", "odd texts and large numbers"],
@@ -131,7 +131,7 @@ MISTAKES = {
     ),
     "plane: coarse": (
         "plane: result",
-        "the recipe must fit together, but the coarsest level has nothing above it, so its sweeps need",
+        "the recipe: a sweep compares something at each of its levels, but at level 3 all its layers read above",
     ),
     "levels: [0]": ("normalize: false", "but no sweep runs on level 1, so it would stay noise; change it"),
     "levels: [9]": ("normalize: false", "a sweep names level 9, but with 4 levels the coarsest is 3"),
@@ -179,9 +179,9 @@ def test_a_picture_is_no_recipe(tmp_path):
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ("wei_levi", "wei_levi: must be one of the recipes wei_levoy, wei_levoy_single, or a .yaml file, but "
+        ("wei_levi", "wei_levi: must be one of the recipes wei_levoy, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
                      "there is no such recipe; did you mean 'wei_levoy'?"),
-        ("fractal", "there is no such recipe; choose from: wei_levoy, wei_levoy_single"),
+        ("fractal", "there is no such recipe; choose from: wei_levoy, wei_levoy_single, wei_levoy_tsvq"),
         ("nothing.yaml", "nothing.yaml: must be a readable file, but the system says: no such file"),
     ],
 )  # fmt: skip

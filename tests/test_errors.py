@@ -186,9 +186,9 @@ OPTIONS = {
     (
         "--seed",
         "-1",
-    ): "seed: must be a whole number from 0 to 2**63 - 1, or a list of such numbers, but it is -1",
-    ("--seed", str(2**63)): "but it is 9223372036854775808",
-    ("--seed", str(2**63 - 1), "--count", "2"): "but one is 9223372036854775808",
+    ): "seed: must be a whole number from 0 to 2**32 - 1, or a list of such numbers, but it is -1",
+    ("--seed", str(2**32)): "but it is 4294967296",
+    ("--seed", str(2**32 - 1), "--count", "2"): "but one is 4294967296",
     ("--count", "0"): "--count: must be from 1 to 10000, but it is 0; choose a number between them",
     ("--count", "-3"): "--count: must be from 1 to 10000, but it is -3",
     ("--count", "1000000000"): "--count: must be from 1 to 10000, but it is 1000000000",

@@ -113,3 +113,18 @@ def test_the_picture_is_that_of_the_library(tmp_path, exemplar):
     run(Job(exemplar, TINY, (7, 9), (5,)), Files(tmp_path / "out.png", None, None, False))
     result = ts.synthesize(ts.read_image(exemplar), (7, 9), TINY, seed=5)
     assert torch.equal(ts.read_image(tmp_path / "out.png"), result.image[0])
+
+
+def test_other_versions_are_noted(tmp_path, capsys):
+    from torchsynth.cli import main
+
+    first, again = tmp_path / "one.png", tmp_path / "two.png"
+    small = ["--set", "levels=2", "--size", "6x6"]
+    assert main(["synthesize", "sample:brick", "-o", str(first), *small]) == 0
+    assert main(["rerun", str(first.with_suffix(".json")), "-o", str(again)]) == 0
+    assert capsys.readouterr().err == ""
+    record = json.loads(first.with_suffix(".json").read_text())
+    record["versions"]["torch"] = "1.0"
+    first.with_suffix(".json").write_text(json.dumps(record))
+    assert main(["rerun", str(first.with_suffix(".json")), "-o", str(again), "--overwrite"]) == 0
+    assert "note: the record was made with torch 1.0, now" in capsys.readouterr().err

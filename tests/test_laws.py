@@ -26,6 +26,8 @@ def _recipe(order, boundary="torus", levels=2, templates=None, normalize=False):
 
 
 RECIPES = {
+    "wei_levoy_tsvq": ts.recipes.wei_levoy_tsvq(levels=2, neighborhood=5, parent=3, depth=4),
+    "tsvq open": ts.recipes.wei_levoy_tsvq(levels=2, neighborhood=5, parent=3, beam=3, boundary="open"),
     "wei_levoy": ts.recipes.wei_levoy(levels=2, neighborhood=5, parent=3),
     "wei_levoy per level": ts.recipes.wei_levoy(levels=2, neighborhood=(3, 5), parent=(3,)),
     "wei_levoy open": ts.recipes.wei_levoy(levels=2, neighborhood=5, parent=3, boundary="open"),
@@ -90,12 +92,37 @@ def test_threads_do_not_matter(make_exemplar, recipe):
     assert _same(*results)
 
 
+def test_threads_do_not_matter_to_any_level():
+    """Colored pictures large enough to be blurred by several threads."""
+    exemplar = torch.rand(3, 150, 131, dtype=torch.float64)
+    recipe = ts.recipes.wei_levoy(levels=4, neighborhood=3, parent=1)
+    before = torch.get_num_threads()
+    results = []
+    try:
+        for threads in (1, 2):
+            torch.set_num_threads(threads)
+            start = recipe.initial.start(
+                ts.Exemplar(exemplar).images(4), (301, 217), "torus", [torch.Generator().manual_seed(1)]
+            )
+            results.append((*start, *ts.Exemplar(exemplar).images(4)))
+    finally:
+        torch.set_num_threads(before)
+    assert all(one.equal(other) for one, other in zip(*results, strict=True))
+
+
+def test_more_outputs_than_fit_the_budget(make_exemplar, monkeypatch):
+    exemplar, recipe = make_exemplar(1), RECIPES["wei_levoy_single"]
+    free = ts.synthesize(exemplar, (6, 7), recipe, seed=range(9))
+    monkeypatch.setattr("torchsynth.search.exhaustive.MEMORY_BUDGET", 2000)
+    assert _same(free, ts.synthesize(exemplar, (6, 7), recipe, seed=range(9)))
+
+
 @every_recipe
 def test_memory_budget_does_not_matter(make_exemplar, recipe, monkeypatch):
     exemplar = make_exemplar(1)
     free = ts.synthesize(exemplar, (12, 17), recipe, seed=[3, 4])
     monkeypatch.setattr("torchsynth.search.exhaustive.MEMORY_BUDGET", 4000)
-    monkeypatch.setattr("torchsynth.sweep._GROUP", 5)
+    monkeypatch.setattr("torchsynth.sweep.GROUP", 5)
     monkeypatch.setattr("torchsynth.search.exhaustive._ONE_BLOCK", 16)
     monkeypatch.setattr("torchsynth.search.exhaustive._BLOCK", 7)
     monkeypatch.setattr("torchsynth.neighborhood._CHUNK", 11)

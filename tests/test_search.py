@@ -34,11 +34,11 @@ def test_equals_cdist(candidates, exemplars):
         queries.double(), index.features.double(), compute_mode="donot_use_mm_for_euclid_dist"
     )
     state = Exhaustive().fit(index, complete=True)
-    cost = Exhaustive().search(state, Query(_augmented(queries))).flatten(2)
+    cost = Exhaustive().search(state, Query(_augmented(queries))).cost.flatten(2)
     base = queries.square().sum(2, keepdim=True)
     assert (cost[..., :candidates] + base).equal(distance.square().round().float())
     assert cost[..., candidates:].isinf().all()
-    choice = Best().choose(Exhaustive().search(state, Query(_augmented(queries))))
+    choice = Best().choose(Exhaustive().search(state, Query(_augmented(queries))).cost)
     assert choice.place.equal(distance.argmin(2))
 
 
@@ -51,7 +51,7 @@ def test_weights_and_missing_neighbors_count_as_they_should():
     readable[0], readable[1] = True, False
     queries = queries * readable
     state = Exhaustive().fit(index, complete=False)
-    cost = Exhaustive().search(state, Query(_augmented(queries), readable)).flatten(2)
+    cost = Exhaustive().search(state, Query(_augmented(queries), readable)).cost.flatten(2)
     base = (queries.square() * weights).sum(2, keepdim=True)
     difference = (queries[:, :, None] - index.features[:, None]).square() * weights * readable[:, None]
     assert (cost + base).equal(difference.sum(3))

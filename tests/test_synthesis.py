@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 
+import numpy as np
 import pytest
 import torch
 
 import torchsynth as ts
 from torchsynth.pyramid import gaussian_pyramid, level_shapes, match_histogram
+from torchsynth.result import transfer
 
 SMALL = ts.recipes.wei_levoy(levels=2, neighborhood=5, parent=3)
 SINGLE = ts.recipes.wei_levoy_single(neighborhood=5)
@@ -133,7 +136,7 @@ def test_gradients_neither_break_nor_leak(make_exemplar):
         ({"size": (4, -4)}, "size: height and width must be at least 1 pixel"),
         ({"size": (10**6, 10**6)}, r"size: must fit the .* GiB of memory .* would take about .* GiB"),
         ({"seed": -1}, r"seed: must be a whole number from 0"),
-        ({"seed": 2**63}, r"seed: must be a whole number from 0"),
+        ({"seed": 2**32}, r"seed: must be a whole number from 0"),
         ({"seed": []}, "seed: must name at least one output"),
         ({"seed": True}, "seed: must be a whole number"),
         ({"exemplar": torch.rand(2, 1, 20, 20), "seed": [1, 2, 3]}, "2 exemplars needs 2 seeds, but there are 3"),
@@ -173,7 +176,7 @@ def test_impossible_recipes_are_refused(changes, message):
 
 def test_a_coarsest_level_without_a_result_layer_is_refused():
     coarse_only = SMALL.sweeps[0].model_copy(update={"layers": SMALL.sweeps[0].layers[1:]})
-    with pytest.raises(ValueError, match="need a result layer"):
+    with pytest.raises(ValueError, match="at level 1 all its layers read above the coarsest"):
         ts.Recipe(levels=2, sweeps=(coarse_only,))
 
 
@@ -197,3 +200,68 @@ def test_histograms_are_matched_per_sample_and_channel():
     for sample in matched:
         for plane, like in zip(sample, reference[0], strict=True):
             assert plane.flatten().sort().values.allclose(like.flatten().sort().values)
+
+
+def test_a_layer_that_would_never_be_read_is_refused():
+    far = ts.Layer(plane="coarse", template=ts.Square(size=3), up=2)
+    sweep = SMALL.sweeps[0].model_copy(update={"layers": (*SMALL.sweeps[0].layers, far)})
+    with pytest.raises(ValueError, match="up=2 reads above the coarsest level, 1"):
+        ts.Recipe(levels=2, sweeps=(sweep,))
+
+
+def test_weights_beyond_exact_arithmetic_are_refused(monkeypatch):
+    monkeypatch.setattr("torchsynth.feasibility._EXACT_FLOAT64", 2**19)
+    with pytest.raises(ts.ConfigError, match="weights: distances must be exact in float64"):
+        ts.synthesize(torch.rand(1, 20, 20), (8, 8), SMALL)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"recipe": "wei_levoy"}, "recipe: must be a Recipe, but it is 'wei_levoy'"),
+        ({"controls": {"initial": 1}}, "controls: must be a Controls"),
+    ],
+)
+def test_arguments_of_another_class_are_refused(arguments, message):
+    usable = {"exemplar": torch.rand(1, 20, 20), "size": (8, 8), "recipe": SMALL} | arguments
+    with pytest.raises(ts.InputError, match=message):
+        inspect.unwrap(ts.synthesize)(**usable)
+
+
+def test_numpy_numbers_are_numbers():
+    size, seed = tuple(np.array([9, 7])), np.int64(3)
+    plain = ts.synthesize(torch.ones(1, 20, 20), (9, 7), SMALL, seed=3)
+    assert inspect.unwrap(ts.synthesize)(torch.ones(1, 20, 20), size, SMALL, seed=seed).seeds == plain.seeds
+
+
+@pytest.mark.parametrize("dtype", [torch.uint8, torch.uint16, torch.uint32, torch.bool, torch.float16])
+def test_transfer_keeps_every_dtype(make_exemplar, dtype):
+    exemplar = make_exemplar(1, 12, 12)
+    result = ts.synthesize(exemplar, (7, 7), SINGLE)
+    moved = result.transfer((exemplar * 255).to(dtype))
+    assert moved.dtype == dtype
+    assert (moved.double() == (result.image * 255).to(dtype).double()).all()
+    with pytest.raises(ts.InputError, match=r"other: must be a torch\.Tensor"):
+        inspect.unwrap(transfer)(result.source, exemplar.numpy(), (12, 12))
+
+
+def test_the_caller_s_precision_does_not_matter(make_exemplar):
+    recipe = ts.recipes.wei_levoy_single(neighborhood=5, boundary="open")
+    plain = ts.synthesize(make_exemplar(1), (9, 9), recipe)
+    before = torch.get_float32_matmul_precision()
+    try:
+        torch.set_float32_matmul_precision("medium")
+        with torch.autocast("cpu", torch.bfloat16):
+            coarse = ts.synthesize(make_exemplar(1), (9, 9), recipe)
+        assert torch.get_float32_matmul_precision() == "medium"
+    finally:
+        torch.set_float32_matmul_precision(before)
+    assert coarse.source.equal(plain.source)
+
+
+def test_one_invalid_pixel_reaches_every_level():
+    valid = torch.ones(128, 128, dtype=torch.bool)
+    valid[50, 77] = False
+    for level, region in enumerate(ts.Exemplar(torch.rand(1, 128, 128), valid).valid_regions(4)):
+        assert not region[50 >> level, 77 >> level]
+        assert region[:2].all()

@@ -21,12 +21,13 @@ from torchsynth.neighborhood import Layer
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result
 from torchsynth.schedule import Scanline, Shuffle, Simultaneous
-from torchsynth.search import Exhaustive
+from torchsynth.search import TSVQ, Exhaustive
 from torchsynth.sweep import Sweep
 from torchsynth.synthesis import synthesize
 from torchsynth.template import Causal, Square
 
 __all__ = [
+    "TSVQ",
     "Best",
     "Causal",
     "ConfigError",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from numbers import Integral
 from typing import TypeGuard
 
 import torch
@@ -10,8 +11,22 @@ from torch import Tensor
 
 from torchsynth.errors import InputError
 
-_MAX_SEED = 2**63
+# torch's CPU generator keeps 32 bits of a seed: more would promise textures that do not differ.
+_MAX_SEED = 2**32
 _LINE = 60
+
+
+def check_type(value: object, kind: type, subject: str, remedy: str) -> None:
+    """A value is an instance of a class of this library.
+
+    Raises:
+        InputError: If it is not.
+
+    Example:
+        >>> check_type(3, int, "number", "pass a number")
+    """
+    if not isinstance(value, kind):
+        raise InputError(subject, f"must be a {kind.__name__}", f"it is {value!r}", remedy)
 
 
 def check_image(image: object, subject: str) -> None:
@@ -93,11 +108,11 @@ def check_size(size: object) -> tuple[int, int]:
             "size", "height and width must be at least 1 pixel", f"they are {whole[0]}x{whole[1]}",
             "ask for at least 1x1",
         )  # fmt: skip
-    return whole[0], whole[1]
+    return int(whole[0]), int(whole[1])
 
 
 def check_seeds(seed: object, outputs: int | None) -> list[int]:
-    """A seed is a whole number from 0 to 2**63 - 1, or a list of them: one for each output.
+    """A seed is a whole number from 0 to 2**32 - 1, or a list of them: one for each output.
 
     Args:
         seed: The seed or seeds. One number stands for ``seed, seed + 1, ...`` where there are several
@@ -120,7 +135,7 @@ def check_seeds(seed: object, outputs: int | None) -> list[int]:
     for one in seeds:
         if not _is_whole(one) or not 0 <= one < _MAX_SEED:
             raise InputError(
-                "seed", "must be a whole number from 0 to 2**63 - 1, or a list of such numbers",
+                "seed", "must be a whole number from 0 to 2**32 - 1, or a list of such numbers",
                 f"{'one' if len(seeds) > 1 else 'it'} is {shortened(one)}",
                 "pass e.g. seed=0",
             )  # fmt: skip
@@ -129,7 +144,7 @@ def check_seeds(seed: object, outputs: int | None) -> list[int]:
             "seed", f"a batch of {outputs} exemplars needs {outputs} seeds",
             f"there are {len(seeds)}", "pass one seed for each exemplar, or a single number",
         )  # fmt: skip
-    return [one for one in seeds if _is_whole(one)]
+    return [int(one) for one in seeds if _is_whole(one)]
 
 
 def shortened(value: object, show: Callable[[object], str] = repr) -> str:
@@ -148,7 +163,8 @@ def shortened(value: object, show: Callable[[object], str] = repr) -> str:
 
 
 def _is_whole(value: object) -> TypeGuard[int]:
-    return isinstance(value, int) and not isinstance(value, bool)
+    # NumPy's integers are welcome; True is not a number of pixels.
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _check_values(image: Tensor, subject: str) -> None:

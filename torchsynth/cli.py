@@ -106,7 +106,10 @@ def rerun(
     overwrite: Overwrite = False,
 ) -> None:
     """Make a picture again from its record: the same bytes, with the same versions."""
-    _run(jobs.load_record(record), jobs.Files(output, None, None, overwrite))
+    job = jobs.load_record(record)
+    for change in jobs.changed_versions(record):
+        typer.echo(f"note: the record was made with {change}; the bytes may differ", err=True)
+    _run(job, jobs.Files(output, None, None, overwrite))
 
 
 @app.command()

@@ -64,6 +64,9 @@ class Exemplar:
         """
         if self.valid is None:
             return (None,) * levels
-        share = gaussian_pyramid(self.valid.double()[None, None], levels, "reflect")
-        # The blend's weights are multiples of 2**-10 for even sides and never that small for odd ones.
-        return tuple(level[0, 0] > 1 - 1e-9 for level in share)
+        regions = [self.valid]
+        for _ in range(levels - 1):
+            share = gaussian_pyramid(regions[-1].double()[None, None], 2, "reflect")[1]
+            # One invalid pixel takes away 2**-10 of a blend, or a little more where a side is odd.
+            regions.append(share[0, 0] > 1 - 2**-12)
+        return tuple(regions)

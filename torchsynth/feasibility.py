@@ -10,16 +10,17 @@ from dataclasses import replace
 import torch
 
 from torchsynth._typing import Image
-from torchsynth.errors import InputError
+from torchsynth.errors import ConfigError, InputError
 from torchsynth.lattice import Shape
 from torchsynth.neighborhood import Layer, Plane, candidates, layer_weights, layers_at
 from torchsynth.recipe import Recipe
 from torchsynth.search.base import MEMORY_BUDGET
-from torchsynth.sweep import Sweep
+from torchsynth.sweep import GROUP, Sweep
 
 # The largest partial sum that float32 is sure to hold exactly, and what one feature can add to it:
 # |x|^2 - 2 q.x with both from -128 to 127.
 _EXACT_FLOAT32 = 2**24
+_EXACT_FLOAT64 = 2**53
 _LARGEST_TERM = 3 * 128**2
 
 _FALLBACK_MEMORY = 16 * 2**30
@@ -34,6 +35,11 @@ def matching_dtype(recipe: Recipe, channels: int) -> torch.dtype:
         (torch.float32, torch.float64)
     """
     widest = max(_weighted_features(sweep) for sweep in recipe.sweeps) * channels
+    if widest * _LARGEST_TERM > _EXACT_FLOAT64:
+        raise ConfigError(
+            "weights", "distances must be exact in float64", f"they count {widest:,} squared differences",
+            "use smaller weights, or do without 'normalize'",
+        )  # fmt: skip
     return torch.float32 if widest * _LARGEST_TERM <= _EXACT_FLOAT32 else torch.float64
 
 
@@ -98,9 +104,14 @@ def memory_needed(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> 
     features = max(
         channels * sum(len(layer.template.offsets()) for layer in sweep.layers) for sweep in recipe.sweeps
     )
-    index = 3 * exemplars * height * width * features * item
+    # The vectors of all candidates, what the searcher makes of them, and which positions they are; then
+    # the neighborhoods of a group of sites.
+    complete = recipe.boundary == "torus"
+    copies = 2 + max(sweep.search.copies(complete) for sweep in recipe.sweeps)
+    index = exemplars * height * width * features * (copies * item + 1)
+    group = 4 * GROUP * outputs * features * item
     # A pyramid holds 4/3 of its finest level.
-    return outputs * math.prod(size) * pixel * 4 // 3 + index + 3 * MEMORY_BUDGET
+    return outputs * math.prod(size) * pixel * 4 // 3 + index + group + 3 * MEMORY_BUDGET
 
 
 def _weighted_features(sweep: Sweep) -> int:

@@ -246,6 +246,23 @@ def _check_distinct(inputs: Iterable[str], targets: Iterable[Path]) -> None:
         seen.add(place)
 
 
+def changed_versions(path: Path) -> list[str]:
+    """Which versions a record names that are not today's: with these, other bytes may come out.
+
+    Raises:
+        ConfigError: If the file is not a record.
+    """
+    load_record(path)
+    recorded = json.loads(path.read_text(encoding="utf-8")).get("versions")
+    recorded = recorded if isinstance(recorded, dict) else {}
+    now = _versions()
+    return [
+        f"{name} {recorded.get(name, 'unknown')}, now {now[name]}"
+        for name in now
+        if recorded.get(name) != now[name]
+    ]
+
+
 def _read_inputs(job: Job) -> dict[str, Picture]:
     paths = _paths(job)
     pictures = {name: read_picture(path) for name, path in paths.items()}
@@ -290,8 +307,13 @@ def _record(job: Job, inputs: dict[str, Picture], size: Shape, seed: int) -> dic
         "size": list(size),
         "seed": seed,
         "inputs": {name: {"path": path, "sha256": digests[name]} for name, path in _paths(job).items()},
-        "versions": {name: version(name) for name in _LIBRARIES} | {"python": platform.python_version()},
+        "versions": _versions(),
     }
+
+
+def _versions() -> dict[str, str]:
+    """What has to be the same for the same bytes."""
+    return {name: version(name) for name in _LIBRARIES} | {"python": platform.python_version()}
 
 
 def _paths(job: Job) -> dict[str, str]:

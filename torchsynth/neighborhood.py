@@ -30,7 +30,7 @@ STEPS = 255
 """Matching distinguishes this many steps between black and white."""
 
 # Candidates gathered at once: bounds the intermediate copies, not the result.
-_CHUNK = 1 << 16
+_CHUNK = 1 << 13
 
 
 class Layer(Part):
@@ -167,13 +167,14 @@ def gather_candidates(
     """Read the neighborhoods of every candidate of a level: what the searchers are fitted on."""
     usable = candidates(layers, planes, level)
     sites = usable.flatten().nonzero().squeeze(1)
-    blocks, repeated = [], []
-    for layer, weight in zip(layers, weights, strict=True):
-        plane = planes[level + layer.steps_up]
+    samples, _, channels = planes[level].values.shape
+    widths = [len(layer.template.offsets()) * channels for layer in layers]
+    features = planes[level].values.new_empty(samples, len(sites), sum(widths))
+    for layer, columns in zip(layers, features.split(widths, dim=2), strict=True):
         cells = parents(to_cells(sites, usable.shape[1]), layer.steps_up)
-        blocks.append(_gather_windows(layer, plane, cells))
-        repeated.append(torch.full((blocks[-1].shape[2],), weight, device=sites.device))
-    return Index(torch.cat(blocks, dim=2), sites, torch.cat(repeated))
+        _gather_windows(layer, planes[level + layer.steps_up], cells, out=columns)
+    repeats = torch.tensor(widths, device=sites.device)
+    return Index(features, sites, torch.tensor(weights, device=sites.device).repeat_interleave(repeats))
 
 
 def gather(plane: Plane, reads: Reads) -> Features:
@@ -230,18 +231,16 @@ def _whole_neighborhoods(layer: Layer, plane: Plane) -> Region:
     return whole
 
 
-def _gather_windows(layer: Layer, plane: Plane, cells: Cells) -> Features:
+def _gather_windows(layer: Layer, plane: Plane, cells: Cells, out: Features) -> None:
     """The neighborhoods around cells that lie well inside an exemplar plane, by unfolding it."""
+    if len(cells) == 0:
+        return
     samples, _, channels = plane.values.shape
     box = _Box.of(layer, cells.device)
-    features = plane.values.new_empty(samples, len(cells), len(box.inside) * channels)
-    if len(cells) == 0:
-        return features
     windows = box.windows(plane.values.view(samples, *plane.shape, channels))
     for start in range(0, len(cells), _CHUNK):
         chunk = cells[start : start + _CHUNK] - torch.tensor(box.pixel, device=cells.device)
         rows, columns = chunk.unsqueeze(1).unbind(2)
         # (sites, neighbors, E, C): the indexed axes come first.
         found = windows[:, rows, columns, :, box.inside[:, 0], box.inside[:, 1]]
-        features[:, start : start + _CHUNK] = found.permute(2, 0, 1, 3).flatten(2)
-    return features
+        out[:, start : start + _CHUNK] = found.permute(2, 0, 1, 3).flatten(2)

@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 import torch
 from kornia.contrib import histogram_matching
 from kornia.geometry import pyrdown
+from torch import Tensor
 
 from torchsynth._typing import Image
 from torchsynth.lattice import Boundary, Shape
@@ -16,6 +17,9 @@ Border: TypeAlias = Literal["circular", "reflect"]
 
 # kornia's circular padding of 2 needs a side of 2, its reflecting one a side of 3.
 _MINIMUM_SIDE = 3
+
+# Blurring adds 8 bits and sampling 2: with 24 to begin with, float64 has room to spare.
+_GRID = 2**24
 
 
 def border_of(boundary: Boundary) -> Border:
@@ -45,9 +49,9 @@ def gaussian_pyramid(image: Image, levels: int, border: Border) -> tuple[Image, 
     """Blur and halve an image ``levels - 1`` times.
 
     Convention:
-        kornia's ``pyrdown``: the 5x5 binomial kernel, then bilinear sampling at half the size. The
-        arithmetic is done in float64 and one sample at a time, so that a sample's pyramid does not
-        depend on the batch it came in; for 8-bit pictures of even size it is exact.
+        kornia's ``pyrdown``: the 5x5 binomial kernel, then bilinear sampling at half the size. Values
+        are rounded to multiples of 2**-24 before each step, in float64 and one channel at a time: for
+        even sizes all sums are then exact, and results do not depend on batches, threads or machines.
 
     Args:
         image: Values in [0, 1].
@@ -58,23 +62,27 @@ def gaussian_pyramid(image: Image, levels: int, border: Border) -> tuple[Image, 
         >>> [tuple(level.shape[-2:]) for level in gaussian_pyramid(torch.rand(1, 3, 9, 8), 3, "reflect")]
         [(9, 8), (4, 4), (2, 2)]
     """
-    finer = image.double()
+    planes = _on_grid(image.double().flatten(0, 1))
     pyramid = [image]
     for _ in range(levels - 1):
-        finer = torch.cat([_halve(sample, border) for sample in finer.split(1)])
-        pyramid.append(finer.to(image.dtype))
+        planes = _on_grid(torch.cat([_halve(plane[None, None], border)[0] for plane in planes]))
+        pyramid.append(planes.view(*image.shape[:2], *planes.shape[1:]).to(image.dtype))
     return tuple(pyramid)
 
 
 def match_histogram(image: Image, reference: Image) -> Image:
-    """Give each sample and channel the value distribution of the reference's.
+    """Give each sample and channel the histogram of the reference's.
+
+    Convention:
+        kornia's ``histogram_matching``: between two values of the reference it interpolates, so that a
+        reference of few values, such as black and white, also gives the grays between them.
 
     Args:
         image: What to recolor.
         reference: Where the distribution comes from: as many samples as the image, or one for all.
 
     Returns:
-        The image with its values replaced, rank by rank, by the reference's.
+        The image with its values moved to the same quantiles of the reference.
 
     Example:
         >>> match_histogram(torch.tensor([[[[0.1, 0.9]]]]), torch.tensor([[[[0.2, 0.4]]]])).tolist()
@@ -84,6 +92,10 @@ def match_histogram(image: Image, reference: Image) -> Image:
     reference = reference.expand(len(image), -1, -1, -1)
     planes = zip(image.flatten(0, 1), reference.flatten(0, 1), strict=True)
     return torch.stack([histogram_matching(*pair) for pair in planes]).reshape(image.shape)
+
+
+def _on_grid(planes: Tensor) -> Tensor:
+    return (planes * _GRID).round() / _GRID
 
 
 def _halve(image: Image, border: Border) -> Image:

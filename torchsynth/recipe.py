@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from torchsynth.initial import Initial, Noise
 from torchsynth.lattice import Boundary
+from torchsynth.neighborhood import layers_at
 from torchsynth.part import Part
 from torchsynth.sweep import Sweep
 
@@ -46,16 +47,29 @@ class Recipe(Part):
                     f"a sweep names level {beyond[0]}, but with {self.levels} levels the coarsest is "
                     f"{self.levels - 1}"
                 )
-            if self.levels - 1 in self.levels_of(sweep) and not any(
-                layer.steps_up == 0 for layer in sweep.layers
-            ):
-                raise ValueError("the coarsest level has nothing above it, so its sweeps need a result layer")
+            self._check_layers(sweep)
         missing = set(range(self.levels)) - {
             level for sweep in self.sweeps for level in self.levels_of(sweep)
         }
         if missing:
             raise ValueError(f"no sweep runs on level {min(missing)}, so it would stay noise")
         return self
+
+    def _check_layers(self, sweep: Sweep) -> None:
+        visited = self.levels_of(sweep)
+        for level in visited:
+            if not layers_at(sweep.layers, level, self.levels):
+                raise ValueError(
+                    f"a sweep compares something at each of its levels, but at level {level} all its "
+                    f"layers read above the coarsest level, {self.levels - 1}; it needs a result layer"
+                )
+        for layer in sweep.layers:
+            # The usual parent layer may be left out of a single level; one that was pointed at may not.
+            if layer.up is not None and visited and min(visited) + layer.up >= self.levels:
+                raise ValueError(
+                    f"a layer reads a level that exists, but one with up={layer.up} reads above "
+                    f"the coarsest level, {self.levels - 1}, wherever its sweep runs"
+                )
 
     def levels_of(self, sweep: Sweep) -> tuple[int, ...]:
         """The levels a sweep runs on, the finest first."""

@@ -8,6 +8,7 @@ from torchsynth.errors import ConfigError
 from torchsynth.lattice import Boundary
 from torchsynth.neighborhood import Layer
 from torchsynth.recipe import Recipe
+from torchsynth.search import TSVQ
 from torchsynth.sweep import Sweep
 from torchsynth.template import Causal, Square
 
@@ -85,9 +86,55 @@ def wei_levoy_single(*, neighborhood: int = 11, boundary: Boundary = "torus") ->
     )
 
 
+def wei_levoy_tsvq(
+    *,
+    levels: int = 4,
+    neighborhood: int | Sequence[int] = 9,
+    parent: int | Sequence[int] = 5,
+    depth: int = 8,
+    beam: int = 1,
+    boundary: Boundary = "torus",
+) -> Recipe:
+    """Wei & Levoy's multi-resolution synthesis, accelerated by tree-structured vector quantization.
+
+    All of :func:`wei_levoy`, with its search replaced (section 4 of the paper): a tree of centroids is
+    trained for each level, and each pixel descends it. This pays for large exemplars.
+
+    Args:
+        levels: As for :func:`wei_levoy`.
+        neighborhood: As for :func:`wei_levoy`.
+        parent: As for :func:`wei_levoy`.
+        depth: Depth of the trees. Deeper ones are faster to search and farther from the best match.
+        beam: How many nodes a search keeps at each depth. More come closer to the best match, in
+            proportion to the time.
+        boundary: ``torus`` or ``open``.
+
+    Raises:
+        ConfigError: If the numbers of levels and sizes do not agree.
+        pydantic.ValidationError: If a size is even or too small, or depth or beam below 1.
+
+    Source:
+        Wei & Levoy 2000, section 4.
+
+    Example:
+        >>> wei_levoy_tsvq(depth=10).sweeps[0].search.depth
+        10
+    """
+    plain = wei_levoy(levels=levels, neighborhood=neighborhood, parent=parent, boundary=boundary)
+    search = TSVQ(depth=depth, beam=beam)
+    return Recipe(
+        name="wei_levoy_tsvq",
+        description="Wei & Levoy 2000, multi-resolution, accelerated by TSVQ",
+        levels=levels,
+        boundary=boundary,
+        sweeps=tuple(sweep.model_copy(update={"search": search}) for sweep in plain.sweeps),
+    )
+
+
 RECIPES: dict[str, Callable[[], Recipe]] = {
     "wei_levoy": wei_levoy,
     "wei_levoy_single": wei_levoy_single,
+    "wei_levoy_tsvq": wei_levoy_tsvq,
 }
 """The recipes by name, with their default parameters."""
 

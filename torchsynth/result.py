@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from torchsynth._typing import CostMap, Image, SourceMap
 from torchsynth.errors import InputError
 from torchsynth.lattice import Shape
 from torchsynth.recipe import Recipe
+
+_SAME_WIDTH = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: torch.int64}
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,14 @@ def transfer(source: SourceMap, other: Tensor, exemplar_shape: Shape) -> Tensor:
         >>> transfer(torch.tensor([[[[1, 0]], [[1, 1]]]]), labels, (2, 2)).tolist()
         [[[[7, 5]]]]
     """
+    if not isinstance(other, Tensor):
+        raise InputError(
+            "other", "must be a torch.Tensor", f"it is a {type(other).__name__}",
+            "convert arrays with torch.from_numpy",
+        )  # fmt: skip
+    if other.dtype in _SAME_WIDTH:
+        # torch cannot gather these; moving their bits about is all that is asked.
+        return transfer(source, other.view(_SAME_WIDTH[other.dtype]), exemplar_shape).view(other.dtype)
     maps = other if other.ndim == 4 else other.unsqueeze(0)
     if maps.ndim != 4 or tuple(maps.shape[-2:]) != exemplar_shape:
         raise InputError(

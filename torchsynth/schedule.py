@@ -106,7 +106,7 @@ class Shuffle(Part):
     """
 
     kind: Literal["shuffle"] = "shuffle"
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 
     def rank(self, shape: Shape, reach: Reach, boundary: Boundary) -> Grid:
         """The place of each pixel in the literal order."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import torch
 from jaxtyping import Bool, Float
@@ -32,7 +32,7 @@ from torchsynth.search import Exhaustive, Query, Search
 
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
 # enough to bound memory and to report progress often.
-_GROUP = 1024
+GROUP = 1024
 
 Advance: TypeAlias = Callable[[int], None]
 """Told after each group how many more pixels are done."""
@@ -94,12 +94,14 @@ def run_sweep(
     layers = layers_at(sweep.layers, level, len(canvases))
     index = gather_candidates(layers, layer_weights(layers, sweep.normalize), exemplar, level)
     candidates, weights = index.sites, index.weights.to(index.features.dtype)
-    state = sweep.search.fit(index, complete=canvas.plane.boundary == "torus")
+    # What a searcher fits is its own affair.
+    state: Any = sweep.search.fit(index, complete=canvas.plane.boundary == "torus")
     del index  # the searcher keeps what it needs of the features
 
     def visit(sites: Sites, query: Query) -> tuple[Rows, Costs]:
-        choice = sweep.accept.choose(sweep.search.search(state, query))
-        source = candidates.take(choice.place)
+        proposals = sweep.search.search(state, query)
+        choice = sweep.accept.choose(proposals.cost)
+        source = candidates.take(proposals.rows_at(choice.place))
         if query.readable is not None and not bool((seeing := query.readable.any(1)).all()):
             # No neighbor at all: every candidate costs nothing, and any one is as good.
             blind = draws[:, sites[~seeing]]
@@ -110,7 +112,7 @@ def run_sweep(
     batches = schedule(sweep.order, canvas.shape, reader.reach, canvas.plane.boundary)
     capacity = max(1, sweep.search.capacity(state) // len(canvas.source))
     pending: list[tuple[Sites, Rows]] = []
-    for group in batches.groups(capacity, _GROUP):
+    for group in batches.groups(capacity, GROUP):
         group_sites = group.sites.to(candidates.device)
         gathered, costs = reader.gather(group_sites), []
         pieces = zip(group_sites.split(group.sizes), gathered.queries(group.sizes), strict=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TypeAlias
 
 import torch
@@ -71,6 +72,8 @@ def synthesize(
         >>> tuple(result.image.shape)
         (2, 1, 24, 24)
     """
+    checks.check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.wei_levoy()")
+    checks.check_type(controls or Controls(), Controls, "controls", "pass torchsynth.Controls(...)")
     exemplar = exemplar if isinstance(exemplar, Exemplar) else Exemplar(exemplar)
     controls = controls or Controls()
     samples = exemplar.samples
@@ -92,8 +95,21 @@ def synthesize(
         Canvas.blank(start, image, plane, recipe.boundary)
         for start, image, plane in zip(starts, images, planes, strict=True)
     ]
-    _run(recipe, canvases, planes, generators, progress)
+    with _exact_arithmetic(samples.device.type):
+        _run(recipe, canvases, planes, generators, progress)
     return Result(tuple(map(_finished, canvases)), recipe, tuple(seeds))
+
+
+@contextmanager
+def _exact_arithmetic(device: str) -> Iterator[None]:
+    """Keep the caller's settings from making products of whole numbers inexact."""
+    precision = torch.get_float32_matmul_precision()
+    torch.set_float32_matmul_precision("highest")
+    try:
+        with torch.autocast(device, enabled=False):
+            yield
+    finally:
+        torch.set_float32_matmul_precision(precision)
 
 
 def _run(

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
-from torchsynth.search.base import Costs, Query
+from pydantic import Field
+
+from torchsynth.search.base import Costs, Proposals, Query
 from torchsynth.search.exhaustive import Exhaustive, ExhaustiveState
+from torchsynth.search.tsvq import TSVQ, TSVQState
 
-Search: TypeAlias = Exhaustive
+Search: TypeAlias = Annotated[Exhaustive | TSVQ, Field(discriminator="kind")]
 """Any searcher; the ``kind`` field tells them apart in YAML."""
 
-__all__ = ["Costs", "Exhaustive", "ExhaustiveState", "Query", "Search"]
+__all__ = ["TSVQ", "Costs", "Exhaustive", "ExhaustiveState", "Proposals", "Query", "Search", "TSVQState"]

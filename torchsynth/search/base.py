@@ -1,8 +1,8 @@
 """What the sweep and the searchers say to each other.
 
-A searcher is a part with three verbs: ``fit(index, complete)`` computes whatever it needs of the
-candidates, once; ``capacity(state)`` says how many queries fit its memory budget; and
-``search(state, query)`` proposes candidates with their costs. Which proposal wins is not its concern.
+A searcher is a part with these verbs: ``fit(index, complete)`` computes whatever it needs of the
+candidates, once, and ``copies(complete)`` says how much memory that takes; ``capacity(state)`` says how
+many queries fit its memory budget; and ``search(state, query)`` proposes candidates with their costs. Which proposal wins is not its concern.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 MEMORY_BUDGET = 32 * 2**20
@@ -29,6 +29,26 @@ class Query:
 
     features: Float[Tensor, "batch sites augmented"]
     readable: Bool[Tensor, "sites features"] | None = None
+
+
+@dataclass(frozen=True)
+class Proposals:
+    """Candidates for each query, and what each would cost.
+
+    Args:
+        cost: See :data:`Costs`.
+        rows: Which candidate of the index each cost belongs to; None where place ``i``, counted through
+            the blocks, is candidate ``i``.
+    """
+
+    cost: Float[Tensor, "batch sites blocks columns"]
+    rows: Int64[Tensor, "batch sites blocks columns"] | None = None
+
+    def rows_at(self, place: Int64[Tensor, "batch sites"]) -> Int64[Tensor, "batch sites"]:
+        """The candidates at the chosen places."""
+        if self.rows is None:
+            return place
+        return self.rows.flatten(2).gather(2, place.unsqueeze(2)).squeeze(2)
 
 
 Costs: TypeAlias = Float[Tensor, "batch sites blocks columns"]

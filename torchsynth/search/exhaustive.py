@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
-from torch.nn.functional import pad
 
 from torchsynth.neighborhood import Index
 from torchsynth.part import Part
-from torchsynth.search.base import MEMORY_BUDGET, Costs, Query
+from torchsynth.search.base import MEMORY_BUDGET, Costs, Proposals, Query
 
 # A product with few queries is fastest when each block of candidates, and its costs, stay in the
 # innermost caches: a fifth less time than one wide product, together with finding the minimum.
@@ -35,7 +34,7 @@ class ExhaustiveState:
     """
 
     products: Float[Tensor, "blocks augmented columns"]
-    squares: Float[Tensor, "blocks augmented columns"] | None
+    squares: Float[Tensor, "blocks features columns"] | None
     exemplars: int
     workspace: Float[Tensor, " size"]
 
@@ -59,8 +58,8 @@ class Exhaustive(Part):
         >>> features = torch.tensor([[[0.0, 3.0], [1.0, 1.0]]])
         >>> index = Index(features, torch.tensor([0, 1]), torch.tensor([1, 1]))
         >>> state = Exhaustive().fit(index, complete=True)
-        >>> cost = Exhaustive().search(state, Query(torch.tensor([[[0.0, 2.0, 1.0]]])))
-        >>> (cost + 2.0**2).tolist()
+        >>> found = Exhaustive().search(state, Query(torch.tensor([[[0.0, 2.0, 1.0]]])))
+        >>> (found.cost + 2.0**2).tolist()
         [[[[1.0, 2.0]]]]
     """
 
@@ -73,69 +72,54 @@ class Exhaustive(Part):
             index: The candidates.
             complete: Whether every feature of every query will be readable.
         """
-        candidates = index.features.transpose(1, 2)
-        weighted = candidates * index.weights.to(candidates.dtype).unsqueeze(1)
-        squares = weighted * candidates
-        products = _in_blocks(
-            torch.cat((weighted.mul_(-2), squares.sum(1, keepdim=True)), dim=1), last_row=float("inf")
-        )
-        exemplars = len(candidates)
-        width = len(products) // exemplars * products.shape[2]
-        capacity = max(1, MEMORY_BUDGET // (width * products.element_size()))
-        return ExhaustiveState(
-            products,
-            None if complete else _in_blocks(pad(squares, (0, 0, 0, 1)), last_row=float("inf")),
-            exemplars,
-            products.new_empty(capacity * width),
-        )
+        exemplars, number, features = index.features.shape
+        weights = index.weights.to(index.features.dtype)
+        columns = number if number <= _ONE_BLOCK else _BLOCK
+        blocks = -(-number // columns)
+        products = weights.new_zeros(exemplars * blocks, features + 1, columns)
+        products[:, -1] = float("inf")  # stays in the columns that stand for no candidate
+        squares = None if complete else weights.new_zeros(exemplars * blocks, features, columns)
+        # Block by block: the copies on the way are small.
+        for block in range(blocks):
+            vectors = index.features[:, block * columns : (block + 1) * columns].transpose(1, 2)
+            weighted = vectors * weights.unsqueeze(1)
+            lengths = weighted * vectors
+            here, filled = slice(block, None, blocks), vectors.shape[2]
+            products[here, :-1, :filled] = weighted.mul_(-2)
+            products[here, -1, :filled] = lengths.sum(1)
+            if squares is not None:
+                squares[here, :, :filled] = lengths
+        capacity = max(1, MEMORY_BUDGET // (blocks * columns * products.element_size()))
+        workspace = products.new_empty(capacity * blocks * columns)
+        return ExhaustiveState(products, squares, exemplars, workspace)
+
+    def copies(self, complete: bool) -> int:
+        """How much memory fitting takes, in sizes of the candidates' vectors."""
+        return 1 if complete else 2
 
     def capacity(self, state: ExhaustiveState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
         return len(state.workspace) // state.width
 
-    def search(self, state: ExhaustiveState, query: Query) -> Costs:
-        """What every candidate costs.
+    def search(self, state: ExhaustiveState, query: Query) -> Proposals:
+        """Propose every candidate.
 
         Returns:
-            ``(B, sites, blocks, columns)``: weighted squared distances less each query's own squared
+            Costs ``(B, sites, blocks, columns)``: weighted squared distances less each query's own squared
             length, which is the same for all its candidates; infinite in the padding. Candidate ``i``
             of the index is column ``i`` counted through the blocks. Valid until the next search with
             the same state.
         """
         batch, sites, _ = query.features.shape
-        out = state.workspace[: batch * sites * state.width]
+        needed = batch * sites * state.width
+        out = state.workspace[:needed] if needed <= len(state.workspace) else None
         cost = _product(query.features, state.products, state.exemplars, out)
         if query.readable is not None and state.squares is not None:
+            # Unreadable neighbors drop out of the candidates' lengths too, query by query.
             partial = ~query.readable.all(1)
-            cost[:, partial] = _partial_cost(
-                state, state.squares, query.features[:, partial], query.readable[partial]
-            )
-        return cost
-
-
-def _partial_cost(
-    state: ExhaustiveState,
-    squares: Tensor,
-    features: Float[Tensor, "batch sites augmented"],
-    readable: Bool[Tensor, "sites features"],
-) -> Costs:
-    """Unreadable neighbors drop out of the candidates' lengths too, query by query."""
-    there = pad(readable.to(features.dtype), (0, 1), value=1.0).expand(len(features), -1, -1)
-    lengths = _product(there, squares, state.exemplars)
-    linear = pad(features[..., :-1], (0, 1))  # without the 1 that would add the full lengths
-    return lengths + _product(linear, state.products.nan_to_num(posinf=0.0), state.exemplars)
-
-
-def _in_blocks(matrix: Tensor, last_row: float) -> Tensor:
-    """Cut ``(E, rows, candidates)`` into contiguous blocks ``(E * blocks, rows, columns)``.
-
-    Columns that fill up the last block are zero but for ``last_row``.
-    """
-    exemplars, rows, candidates = matrix.shape
-    columns = candidates if candidates <= _ONE_BLOCK else _BLOCK
-    padded = pad(matrix, (0, -candidates % columns))
-    padded[:, -1, candidates:] = last_row
-    return padded.view(exemplars, rows, -1, columns).transpose(1, 2).flatten(0, 1).contiguous()
+            missing = (~query.readable[partial]).to(cost.dtype).expand(batch, -1, -1)
+            cost[:, partial] -= _product(missing, state.squares, state.exemplars)
+        return Proposals(cost)
 
 
 def _product(queries: Tensor, blocks: Tensor, exemplars: int, out: Tensor | None = None) -> Costs:

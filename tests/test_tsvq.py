@@ -1,0 +1,150 @@
+"""TSVQ: the tensorised tree against the literal one, and against exhaustive search."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+import torchsynth as ts
+from tests.reference import tsvq
+from torchsynth.accept import Best
+from torchsynth.neighborhood import Index
+from torchsynth.search import Query
+
+
+def _index(count, features, seed, exemplars=1, spread=128):
+    generator = torch.Generator().manual_seed(seed)
+    values = torch.randint(-spread, spread, (exemplars, count, features), generator=generator).float()
+    weights = torch.randint(1, 4, (features,), generator=generator)
+    return Index(values, torch.arange(count), weights)
+
+
+def _query(features, readable=None):
+    return Query(torch.cat((features, torch.ones(*features.shape[:2], 1)), 2), readable)
+
+
+def _found(search, index, query):
+    proposals = search.search(search.fit(index, complete=query.readable is None), query)
+    choice = Best().choose(proposals.cost)
+    return proposals.rows_at(choice.place), choice.cost
+
+
+def _leaves(node):
+    return [node[1]] if not node[2] else [leaf for child in node[2] for leaf in _leaves(child)]
+
+
+@settings(max_examples=60)
+@given(
+    count=st.integers(1, 60), features=st.integers(1, 4), depth=st.integers(1, 7), seed=st.integers(0, 99),
+    spread=st.sampled_from([1, 3, 128]), min_leaf=st.integers(1, 4), beam=st.integers(1, 4),
+)  # fmt: skip
+def test_equals_the_literal_tree(count, features, depth, seed, spread, min_leaf, beam):
+    index = _index(count, features, seed, spread=spread)
+    vectors, weights = index.features[0].double().numpy(), index.weights.numpy()
+    search = ts.TSVQ(depth=depth, min_leaf=min_leaf, beam=beam)
+    tree = search.fit(index, complete=True).tree
+    literal = tsvq.grow(vectors, weights, depth, min_leaf=min_leaf)
+    ours = [
+        tree.members[start : start + size].tolist()
+        for start, size, child in zip(tree.starts, tree.counts, tree.children, strict=True)
+        if child < 0
+    ]
+    assert sorted(ours) == sorted(_leaves(literal))
+    queries = _index(9, features, seed + 1).features
+    rows, cost = _found(search, index, _query(queries))
+    for number, query in enumerate(queries[0].double().numpy()):
+        best = tsvq.best_member(literal, vectors, weights, query, beam)
+        distance = tsvq.distance(query, vectors[best], weights)
+        assert cost[0, number] + (query**2 * weights).sum() == distance
+        assert rows[0, number] == best or (vectors[rows[0, number]] != vectors[best]).any()
+
+
+def test_a_full_tree_finds_its_own_vectors():
+    index = _index(300, 6, seed=4)
+    rows, cost = _found(ts.TSVQ(depth=30), index, _query(index.features))
+    assert rows[0].equal(torch.arange(300))
+    assert (cost[0] + (index.features[0].square() * index.weights).sum(1) == 0).all()
+
+
+def test_a_beam_over_all_leaves_is_exhaustive():
+    index = _index(200, 5, seed=2)
+    queries = _query(_index(50, 5, seed=3).features)
+    exhaustive = Best().choose(
+        ts.Exhaustive().search(ts.Exhaustive().fit(index, complete=True), queries).cost
+    )
+    _, cost = _found(ts.TSVQ(depth=4, beam=16), index, queries)
+    assert cost.equal(exhaustive.cost)
+
+
+def test_wider_beams_find_better_matches():
+    index = _index(2000, 8, seed=6)
+    queries = _query(_index(200, 8, seed=7).features)
+    costs = [_found(ts.TSVQ(depth=7, beam=beam), index, queries)[1].mean() for beam in (1, 4, 16)]
+    assert costs == sorted(costs, reverse=True)
+
+
+def test_each_exemplar_has_its_own_tree():
+    index = _index(70, 4, seed=1, exemplars=3)
+    queries = _index(8, 4, seed=2, exemplars=3).features
+    rows, cost = _found(ts.TSVQ(depth=4), index, _query(queries))
+    for item in range(3):
+        alone = Index(index.features[item : item + 1], index.sites, index.weights)
+        row, price = _found(ts.TSVQ(depth=4), alone, _query(queries[item : item + 1]))
+        assert row[0].equal(rows[item])
+        assert price[0].equal(cost[item])
+
+
+def test_codewords_limit_the_leaves():
+    index = _index(400, 4, seed=5)
+    for codewords in (2, 7, 33):
+        tree = ts.TSVQ(depth=20, codewords=codewords).fit(index, complete=True).tree
+        assert int((tree.children < 0).sum()) == codewords
+
+
+def test_central_leaves_propose_the_member_nearest_to_their_centroid():
+    index = _index(120, 3, seed=8)
+    state = ts.TSVQ(depth=3, leaf="central").fit(index, complete=True)
+    full = ts.TSVQ(depth=3).fit(index, complete=True).tree
+    for node in (full.children < 0).nonzero().flatten().tolist():
+        members = full.members[full.starts[node] : full.starts[node] + full.counts[node]]
+        distance = ((index.features[0, members] - full.centroids[node]).square() * index.weights).sum(1)
+        assert state.tree.counts[node] == 1
+        assert state.tree.members[state.tree.starts[node]] == members[distance.argmin()]
+
+
+def test_identical_vectors_are_one_leaf():
+    index = Index(torch.full((1, 9, 2), 5.0), torch.arange(9), torch.tensor([1, 1]))
+    rows, _ = _found(ts.TSVQ(depth=5), index, _query(torch.zeros(1, 1, 2)))
+    assert rows.item() == 0
+
+
+def test_missing_neighbors_are_left_out():
+    index = _index(50, 4, seed=3)
+    readable = torch.tensor([[True, False, True, True], [False] * 4])
+    queries = _index(2, 4, seed=4).features * readable
+    _, cost = _found(ts.TSVQ(depth=3, beam=8), index, _query(queries, readable))
+    weights = index.weights * readable[:, None]
+    difference = ((queries[0, :, None] - index.features) ** 2 * weights).sum(2)
+    base = (queries[0].square() * index.weights).sum(1)
+    assert (cost[0] + base).equal(difference.amin(1))
+
+
+def test_training_in_chunks_changes_nothing(monkeypatch):
+    index = _index(300, 5, seed=9)
+    whole = ts.TSVQ(depth=6).fit(index, complete=True)
+    monkeypatch.setattr("torchsynth.search.tsvq._CHUNK", 17)
+    pieces = ts.TSVQ(depth=6).fit(index, complete=True)
+    assert pieces.tree.members.equal(whole.tree.members)
+    assert np.array_equal(pieces.tree.centroids, whole.tree.centroids)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"depth": 0}, {"beam": 0}, {"codewords": 1}, {"min_leaf": 0}, {"threshold": 1.0}]
+)
+def test_impossible_options_are_refused(wrong):
+    with pytest.raises(ValidationError, match=r"should be (greater|less) than"):
+        ts.TSVQ(**wrong)
