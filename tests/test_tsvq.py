@@ -12,6 +12,7 @@ from pydantic import ValidationError
 import torchsynth as ts
 from tests.reference import tsvq
 from torchsynth.accept import Best
+from torchsynth.feasibility import matching_dtype
 from torchsynth.neighborhood import Index
 from torchsynth.search import Query
 
@@ -148,3 +149,11 @@ def test_training_in_chunks_changes_nothing(monkeypatch):
 def test_impossible_options_are_refused(wrong):
     with pytest.raises(ValidationError, match=r"should be (greater|less) than"):
         ts.TSVQ(**wrong)
+
+
+def test_float32_is_left_where_sums_would_no_longer_be_exact():
+    exhaustive, tree = ts.recipes.wei_levoy(), ts.recipes.wei_levoy_tsvq()
+    assert matching_dtype(tree, channels=3) == torch.float32
+    # 260 features: |x|^2 - 2 q.x stays below 2**24, (q - x)^2 may not.
+    assert matching_dtype(exhaustive, channels=4) == torch.float32
+    assert matching_dtype(tree, channels=4) == torch.float64

@@ -17,11 +17,9 @@ from torchsynth.recipe import Recipe
 from torchsynth.search.base import MEMORY_BUDGET
 from torchsynth.sweep import GROUP, Sweep
 
-# The largest partial sum that float32 is sure to hold exactly, and what one feature can add to it:
-# |x|^2 - 2 q.x with both from -128 to 127.
+# Up to here every whole number, and so every partial sum of whole numbers, is exact in each type.
 _EXACT_FLOAT32 = 2**24
 _EXACT_FLOAT64 = 2**53
-_LARGEST_TERM = 3 * 128**2
 
 _FALLBACK_MEMORY = 16 * 2**30
 
@@ -34,13 +32,13 @@ def matching_dtype(recipe: Recipe, channels: int) -> torch.dtype:
         >>> matching_dtype(recipes.wei_levoy(), channels=1), matching_dtype(recipes.wei_levoy(), channels=8)
         (torch.float32, torch.float64)
     """
-    widest = max(_weighted_features(sweep) for sweep in recipe.sweeps) * channels
-    if widest * _LARGEST_TERM > _EXACT_FLOAT64:
+    largest = channels * max(_weighted_features(sweep) * sweep.search.largest_term for sweep in recipe.sweeps)
+    if largest > _EXACT_FLOAT64:
         raise ConfigError(
-            "weights", "distances must be exact in float64", f"they count {widest:,} squared differences",
+            "weights", "distances must be exact in float64", f"they can reach {largest:,}",
             "use smaller weights, or do without 'normalize'",
         )  # fmt: skip
-    return torch.float32 if widest * _LARGEST_TERM <= _EXACT_FLOAT32 else torch.float64
+    return torch.float32 if largest <= _EXACT_FLOAT32 else torch.float64
 
 
 def check_candidates(recipe: Recipe, planes: Sequence[Plane]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import torch
 from jaxtyping import Float
@@ -50,7 +50,7 @@ class Exhaustive(Part):
     The squared distance is expanded, ``|q|^2 - 2 q.x + |x|^2``, so that a batch of queries costs one
     matrix product; ``|q|^2`` changes nothing and is left out. With the whole-number features of
     :mod:`torchsynth.neighborhood` this is exact, and equals ``torch.cdist`` squared. Memory for the
-    costs is bounded by searching few queries at a time.
+    costs is bounded by searching few queries at a time, but not fewer than one pixel of each output.
 
     Source: Wei & Levoy 2000, section 2.1.
 
@@ -64,6 +64,9 @@ class Exhaustive(Part):
     """
 
     kind: Literal["exhaustive"] = "exhaustive"
+
+    largest_term: ClassVar[int] = 3 * 128**2
+    """The most that one feature adds to a sum: ``|x|^2 - 2 q.x``, with both from -128 to 127."""
 
     def fit(self, index: Index, complete: bool) -> ExhaustiveState:
         """Prepare the candidates.

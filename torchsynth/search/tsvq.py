@@ -11,7 +11,7 @@ whole numbers, and the same tree grows on every machine.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import torch
 from jaxtyping import Float, Int64
@@ -99,6 +99,10 @@ class TSVQ(Part):
     """
 
     kind: Literal["tsvq"] = "tsvq"
+
+    largest_term: ClassVar[int] = 4 * 128**2
+    """The most that one feature adds to a sum: ``(q - x)^2``, or ``2 q.(b - a)``, within -128..127."""
+
     depth: Annotated[int, Field(ge=1, le=30)] = 8
     codewords: Annotated[int, Field(ge=2)] | None = None
     min_leaf: Annotated[int, Field(ge=1)] = 1
