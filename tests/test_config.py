@@ -115,7 +115,7 @@ MISTAKES = {
     ),
     "{kind: causl, size: 9}": (
         "{kind: causal, size: 9}",
-        "'sweeps[0].layers[0].template.kind' must be one of causal, square, but it is 'causl'; "
+        "'sweeps[0].layers[0].template.kind' must be one of causal, anticausal, square, but it is 'causl'; "
         "did you mean 'causal'?",
     ),
     "{size: 9}": (
@@ -179,9 +179,9 @@ def test_a_picture_is_no_recipe(tmp_path):
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ("wei_levi", "wei_levi: must be one of the recipes wei_levoy, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
+        ("wei_levi", "wei_levi: must be one of the recipes ashikhmin, ashikhmin_multires, ashikhmin_target, distorted, random_order, wei_levoy, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
                      "there is no such recipe; did you mean 'wei_levoy'?"),
-        ("fractal", "there is no such recipe; choose from: wei_levoy, wei_levoy_single, wei_levoy_tsvq"),
+        ("fractal", "there is no such recipe; choose from: ashikhmin, ashikhmin_multires, ashikhmin_target, distorted, random_order, wei_levoy, wei_levoy_single, wei_levoy_tsvq"),
         ("nothing.yaml", "nothing.yaml: must be a readable file, but the system says: no such file"),
     ],
 )  # fmt: skip

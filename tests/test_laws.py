@@ -38,6 +38,18 @@ RECIPES = {
     "square scanline": _recipe(Scanline(), templates=Square(size=5, center=False), normalize=True),
     "simultaneous": _recipe(Simultaneous()),
     "simultaneous open": _recipe(Simultaneous(), "open"),
+    "ashikhmin": ts.recipes.ashikhmin(),
+    "ashikhmin noise": ts.recipes.ashikhmin(noise=True, tileable=False, spare_bottom=True),
+    "ashikhmin open": ts.recipes.ashikhmin(boundary="open"),
+    "ashikhmin_multires": ts.recipes.ashikhmin_multires(levels=2, neighborhood=3),
+    "random_order": ts.recipes.random_order(levels=2, neighborhood=3, parent=3),
+    "random tsvq": ts.recipes.random_order(levels=2, neighborhood=3, parent=3, search="tsvq"),
+    "random coherence": ts.recipes.random_order(levels=2, neighborhood=3, parent=3, search="coherence"),
+    "distorted": ts.recipes.distorted(levels=2, neighborhood=5, parent=3),
+    "wei_levoy skipping": ts.Recipe(
+        levels=1,
+        sweeps=(ts.Sweep(layers=(Layer(plane="result", template=Causal(size=5)),), unknown="skip"),),
+    ),
 }
 every_recipe = pytest.mark.parametrize("recipe", RECIPES.values(), ids=RECIPES.keys())
 
@@ -122,6 +134,8 @@ def test_memory_budget_does_not_matter(make_exemplar, recipe, monkeypatch):
     exemplar = make_exemplar(1)
     free = ts.synthesize(exemplar, (12, 17), recipe, seed=[3, 4])
     monkeypatch.setattr("torchsynth.search.exhaustive.MEMORY_BUDGET", 4000)
+    monkeypatch.setattr("torchsynth.search.coherence.MEMORY_BUDGET", 4000)
+    monkeypatch.setattr("torchsynth.search.tsvq.MEMORY_BUDGET", 4000)
     monkeypatch.setattr("torchsynth.sweep.GROUP", 5)
     monkeypatch.setattr("torchsynth.search.exhaustive._ONE_BLOCK", 16)
     monkeypatch.setattr("torchsynth.search.exhaustive._BLOCK", 7)

@@ -29,7 +29,7 @@ def _reach(reads):
 def _visit(values, sites, reads, shape, boundary):
     """New values of some sites: any function of the old values of what they read will do."""
     found = read(to_cells(sites, shape[1]), torch.tensor(reads), shape, boundary)
-    seen = values[found.positions] + 1
+    seen = torch.cat((values, torch.tensor([0])))[found.positions] + 1
     if found.inside is not None:
         seen = seen * found.inside
     weights = torch.arange(1, len(reads) + 1) * 7 + 3
@@ -106,7 +106,7 @@ def test_what_reads_nothing_of_its_level_is_one_batch():
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=12), st.integers(1, 7), st.integers(1, 10))
 def test_groups_keep_order_and_bounds(sizes, piece, group):
-    plan = Schedule(torch.arange(sum(sizes)), sizes)
+    plan = Schedule(torch.arange(sum(sizes)), sizes, torch.arange(sum(sizes) + 1))
     groups = list(plan.groups(piece, group))
     assert torch.cat([one.sites for one in groups]).tolist() == list(range(sum(sizes)))
     for one in groups:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -21,7 +23,7 @@ def _index(count, features, seed, exemplars=1, spread=128):
     generator = torch.Generator().manual_seed(seed)
     values = torch.randint(-spread, spread, (exemplars, count, features), generator=generator).float()
     weights = torch.randint(1, 4, (features,), generator=generator)
-    return Index(values, torch.arange(count), weights)
+    return Index(values, torch.arange(count), weights, (1, count))
 
 
 def _query(features, readable=None):
@@ -93,7 +95,7 @@ def test_each_exemplar_has_its_own_tree():
     queries = _index(8, 4, seed=2, exemplars=3).features
     rows, cost = _found(ts.TSVQ(depth=4), index, _query(queries))
     for item in range(3):
-        alone = Index(index.features[item : item + 1], index.sites, index.weights)
+        alone = replace(index, features=index.features[item : item + 1])
         row, price = _found(ts.TSVQ(depth=4), alone, _query(queries[item : item + 1]))
         assert row[0].equal(rows[item])
         assert price[0].equal(cost[item])
@@ -118,7 +120,7 @@ def test_central_leaves_propose_the_member_nearest_to_their_centroid():
 
 
 def test_identical_vectors_are_one_leaf():
-    index = Index(torch.full((1, 9, 2), 5.0), torch.arange(9), torch.tensor([1, 1]))
+    index = Index(torch.full((1, 9, 2), 5.0), torch.arange(9), torch.tensor([1, 1]), (1, 9))
     rows, _ = _found(ts.TSVQ(depth=5), index, _query(torch.zeros(1, 1, 2)))
     assert rows.item() == 0
 

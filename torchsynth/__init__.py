@@ -9,27 +9,30 @@
 
 from __future__ import annotations
 
+from torchsynth import field as field
 from torchsynth import recipes as recipes
 from torchsynth.accept import Best
 from torchsynth.config import dump_recipe, load_recipe
 from torchsynth.controls import Controls
 from torchsynth.errors import ConfigError, InputError, OutputError, TorchsynthError
 from torchsynth.exemplar import Exemplar
-from torchsynth.initial import Noise
+from torchsynth.initial import Noise, RandomSource
 from torchsynth.io import read_image, write_image
 from torchsynth.neighborhood import Layer
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result
 from torchsynth.schedule import Scanline, Shuffle, Simultaneous
-from torchsynth.search import TSVQ, Exhaustive
+from torchsynth.search import TSVQ, Coherence, Exhaustive
 from torchsynth.sweep import Sweep
 from torchsynth.synthesis import synthesize
-from torchsynth.template import Causal, Square
+from torchsynth.template import Anticausal, Causal, Square
 
 __all__ = [
     "TSVQ",
+    "Anticausal",
     "Best",
     "Causal",
+    "Coherence",
     "ConfigError",
     "Controls",
     "Exemplar",
@@ -39,6 +42,7 @@ __all__ = [
     "Level",
     "Noise",
     "OutputError",
+    "RandomSource",
     "Recipe",
     "Result",
     "Scanline",
@@ -48,6 +52,7 @@ __all__ = [
     "Sweep",
     "TorchsynthError",
     "dump_recipe",
+    "field",
     "load_recipe",
     "read_image",
     "recipes",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Bool, Float, Float64, Int64
 from torch import Tensor
 
 Image: TypeAlias = Float[Tensor, "_batch channels _height _width"]
@@ -26,8 +26,14 @@ Grid: TypeAlias = Int64[Tensor, "_height _width"]
 Region: TypeAlias = Bool[Tensor, "_height _width"]
 """One truth value for each pixel."""
 
+FieldMap: TypeAlias = Float[Tensor, "_height _width"]
+"""One number for each pixel: an angle in degrees, or a scale."""
+
 Offsets: TypeAlias = Int64[Tensor, "_neighbors 2"]
 """The ``(dy, dx)`` of a template: neighbor = p + offset."""
+
+Frames: TypeAlias = Float64[Tensor, "_sites 2 2"]
+"""For each output pixel how an offset ``(dy, dx)`` of its neighborhood is turned and scaled."""
 
 Sites: TypeAlias = Int64[Tensor, " _sites"]
 """Output pixels by flat position, row * width + column."""
@@ -44,5 +50,5 @@ Values: TypeAlias = Float[Tensor, "_batch _pixels channels"]
 Rows: TypeAlias = Int64[Tensor, "_batch _sites"]
 """Which candidate was chosen: a row of the index."""
 
-Draws: TypeAlias = Float[Tensor, "_batch _sites"]
-"""Uniform random numbers in [0, 1), one for each site."""
+Draws: TypeAlias = Int64[Tensor, "_batch _sites"]
+"""Random whole numbers from 0 to 2**62 - 1, one for each site."""

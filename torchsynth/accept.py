@@ -50,10 +50,10 @@ def first_minimum(cost: Float[Tensor, "batch sites blocks columns"]) -> Choice:
     blocks are taken, then the first block that has the smallest, then the first column in it.
     """
     batch, sites, blocks, columns = cost.shape
-    flat = cost.flatten(0, 1)
     if blocks == 1:
-        smallest, place = flat.squeeze(1).min(1)
-        return Choice(place.view(batch, sites), smallest.view(batch, sites))
+        smallest, place = cost.squeeze(2).min(2)
+        return Choice(place, smallest)
+    flat = cost.flatten(0, 1)
     block = flat.amin(2).argmin(1)
     inside = flat.gather(1, block.view(-1, 1, 1).expand(-1, 1, columns)).squeeze(1)
     smallest, column = inside.min(1)

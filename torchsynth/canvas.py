@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
-from torchsynth._typing import CostMap, Image, Rows, Sites, SourceMap
+from torchsynth._typing import CostMap, Frames, Image, Rows, Sites, SourceMap
 from torchsynth.lattice import Boundary, Shape
-from torchsynth.neighborhood import Plane, quantize
+from torchsynth.neighborhood import Plane, output_plane
 
 UNSET = -1
 """The source of a pixel that still shows what the level started from."""
@@ -25,30 +25,46 @@ class Canvas:
 
     Args:
         plane: The matching side: whole numbers, what neighborhoods read.
-        source: Flat position in the exemplar level that each pixel was copied from, or ``UNSET``.
+        source: Flat position in the exemplar level that each pixel was copied from, or ``UNSET``; like
+            the plane it has an empty pixel behind the last.
         cost: Mean squared difference, per compared value, between each pixel's neighborhood and its
             match, in squared units of [0, 1].
         start: The picture the level started from.
+        known: Which pixels are synthesized, rather than merely started from, the same in all samples;
+            it changes between sweeps.
         exemplar: The exemplar level the pixels are copied from.
         exemplar_plane: The same, as its matching side.
+        target: The picture the output should follow, valid where it was painted.
+        frames: How each pixel sees its surroundings turned and scaled; None if it does not.
     """
 
     plane: Plane
-    source: Int64[Tensor, "batch pixels"]
+    source: Int64[Tensor, "batch positions"]
     cost: Float[Tensor, "batch pixels"]
+    known: Bool[Tensor, " positions"]
     start: Image
     exemplar: Image
     exemplar_plane: Plane
+    target: Plane | None = None
+    frames: Frames | None = None
 
     @classmethod
-    def blank(cls, start: Image, exemplar: Image, exemplar_plane: Plane, boundary: Boundary) -> Canvas:
+    def blank(
+        cls,
+        start: Image,
+        exemplar: Image,
+        exemplar_plane: Plane,
+        boundary: Boundary,
+        target: Plane | None = None,
+        frames: Frames | None = None,
+    ) -> Canvas:
         """A canvas that shows the picture a level starts from, with no source set."""
         batch, _, height, width = start.shape
-        values = quantize(start, exemplar_plane.values.dtype)
-        source = torch.full((batch, height * width), UNSET, device=start.device)
-        cost = torch.zeros_like(source, dtype=values.dtype)
-        plane = Plane(values, (height, width), boundary)
-        return cls(plane, source, cost, start, exemplar, exemplar_plane)
+        plane = output_plane(start, exemplar_plane.values.dtype, boundary)
+        source = torch.full((batch, height * width + 1), UNSET, device=start.device)
+        cost = plane.values.new_zeros(batch, height * width)
+        known = torch.zeros_like(source[0], dtype=torch.bool)
+        return cls(plane, source, cost, known, start, exemplar, exemplar_plane, target, frames)
 
     @property
     def shape(self) -> Shape:
@@ -68,15 +84,17 @@ class Canvas:
         """The picture as it stands: exemplar values where a source is set, the start elsewhere."""
         batch, channels = self.start.shape[:2]
         values = self.exemplar.flatten(2).transpose(1, 2)
-        copied = _pick(values, self.source.clamp(min=0)).transpose(1, 2)
+        source = self.source[:, :-1]
+        copied = _pick(values, source.clamp(min=0)).transpose(1, 2)
         started = self.start.flatten(2)
-        image = torch.where((self.source == UNSET).unsqueeze(1), started, copied)
+        image = torch.where((source == UNSET).unsqueeze(1), started, copied)
         return image.reshape(batch, channels, *self.shape)
 
     def source_map(self) -> SourceMap:
         """The sources as (row, column)."""
         width = self.exemplar.shape[-1]
-        cells = torch.stack((self.source // width, self.source % width), dim=1)
+        source = self.source[:, :-1]
+        cells = torch.stack((source // width, source % width), dim=1)
         return cells.view(len(cells), 2, *self.shape)
 
     def cost_map(self) -> CostMap:
@@ -86,6 +104,6 @@ class Canvas:
 
 def _pick(values: Tensor, source: Tensor) -> Tensor:
     """``values[source]`` for one exemplar shared by all outputs, or for one each."""
-    if len(values) == 1:
-        return values.index_select(1, source.flatten()).view(*source.shape, -1)
+    if values.shape[0] == 1:
+        return values.index_select(1, source.reshape(-1)).view(*source.shape, -1)
     return values.gather(1, source.unsqueeze(2).expand(-1, -1, values.shape[2]))

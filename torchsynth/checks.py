@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TypeGuard
 
 import torch
@@ -86,6 +86,63 @@ def check_region(region: object, shape: tuple[int, int], subject: str) -> None:
         )
 
 
+def check_target_region(region: object, target: Tensor | None) -> None:
+    """A painted region is a boolean tensor of the target's height and width, somewhere True.
+
+    Raises:
+        InputError: If it is not, or if there is no target.
+
+    Example:
+        >>> check_target_region(torch.ones(4, 5, dtype=torch.bool), torch.zeros(3, 4, 5))
+    """
+    if region is None:
+        return
+    if target is None:
+        raise InputError(
+            "target_region", "must come with the target it is a part of", "there is no target",
+            "pass both",
+        )  # fmt: skip
+    height, width = target.shape[-2:]
+    check_region(region, (height, width), "target_region")
+
+
+def check_field(field: object, subject: str, bounds: tuple[float, float] | None) -> None:
+    """A field is a number, or a tensor ``(H, W)`` of numbers: finite, and within its bounds.
+
+    Raises:
+        InputError: If it is not.
+
+    Example:
+        >>> check_field(45.0, "angle", None)
+    """
+    if field is None:
+        return
+    values = torch.as_tensor(field) if _is_number(field) else field
+    if not isinstance(values, Tensor) or values.dtype == torch.bool or values.is_complex():
+        raise InputError(
+            subject, "must be a number, or a tensor (H, W) of numbers", f"it is {shortened(field)}",
+            "pass one number, or one for each output pixel",
+        )  # fmt: skip
+    if values.ndim not in (0, 2) or (values.ndim == 0 and isinstance(field, Tensor)):
+        raise InputError(
+            subject, "must have shape (H, W)", f"its shape is {tuple(values.shape)}",
+            "pass one number for each output pixel",
+        )  # fmt: skip
+    values = values.double()
+    if not bool(values.isfinite().all()):
+        raise InputError(
+            subject, "must be finite", f"{int((~values.isfinite()).sum())} of its values are NaN or infinite",
+            "replace them",
+        )  # fmt: skip
+    low, high = values.min().item(), values.max().item()
+    if bounds is not None and not bounds[0] <= low <= high <= bounds[1]:
+        raise InputError(
+            subject, f"must lie from {bounds[0]:g} to {bounds[1]:g}",
+            f"it is {low:g}" if low == high else f"it reaches from {low:g} to {high:g}",
+            "1 keeps the size, 2 doubles it",
+        )  # fmt: skip
+
+
 def check_size(size: object) -> tuple[int, int]:
     """A size is two whole numbers, height and width, each at least 1.
 
@@ -165,6 +222,10 @@ def shortened(value: object, show: Callable[[object], str] = repr) -> str:
 def _is_whole(value: object) -> TypeGuard[int]:
     # NumPy's integers are welcome; True is not a number of pixels.
     return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _check_values(image: Tensor, subject: str) -> None:

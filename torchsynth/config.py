@@ -109,7 +109,13 @@ def _represent_mapping(dumper: yaml.SafeDumper, mapping: dict[str, object]) -> y
     return dumper.represent_mapping("tag:yaml.org,2002:map", mapping, flow_style=flat)
 
 
+def _represent_list(dumper: yaml.SafeDumper, items: list[object]) -> yaml.SequenceNode:
+    flat = all(item is None or isinstance(item, int) for item in items)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=flat)
+
+
 _Dumper.add_representer(dict, _represent_mapping)
+_Dumper.add_representer(list, _represent_list)
 
 
 def _read(source: str | Path) -> object:

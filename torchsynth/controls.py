@@ -17,9 +17,18 @@ class Controls:
         initial: The picture that synthesis starts from in place of noise, ``(C, OH, OW)`` for all
             outputs or ``(B, C, OH, OW)``, in [0, 1]. Only what a neighborhood reads before it is
             overwritten matters: for a causal scanline the last rows and columns, at every level.
+        target: The picture that the output should follow, of the same shape and range. The recipe
+            needs a layer that compares it: see :func:`torchsynth.recipes.with_target`.
+        target_region: ``(OH, OW)``, True where the target was painted; elsewhere the output is free.
+            None means everywhere.
+        angle: Degrees by which the texture is turned counter-clockwise: a number, or ``(OH, OW)`` for
+            each pixel its own; see :mod:`torchsynth.field`.
+        scale: Factor by which its structures are enlarged: a number, or ``(OH, OW)``; more than 0.
 
     Raises:
-        InputError: If the picture has another rank, dtype or range.
+        InputError: If a picture has another rank, dtype or range; if the region is not boolean or
+            nowhere True, or comes without a target; if an angle is not finite, or a scale not from
+            1/16 to 16.
 
     Example:
         >>> import torch
@@ -28,7 +37,21 @@ class Controls:
     """
 
     initial: Tensor | None = None
+    target: Tensor | None = None
+    target_region: Tensor | None = None
+    angle: Tensor | float | None = None
+    scale: Tensor | float | None = None
 
     def __post_init__(self) -> None:
         if self.initial is not None:
             checks.check_image(self.initial, "initial")
+        if self.target is not None:
+            checks.check_image(self.target, "target")
+        checks.check_target_region(self.target_region, self.target)
+        checks.check_field(self.angle, "angle", None)
+        checks.check_field(self.scale, "scale", (1 / 16, 16.0))
+
+    @property
+    def distorts(self) -> bool:
+        """Whether neighborhoods are turned or scaled."""
+        return self.angle is not None or self.scale is not None

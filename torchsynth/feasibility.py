@@ -13,6 +13,7 @@ from torchsynth._typing import Image
 from torchsynth.errors import ConfigError, InputError
 from torchsynth.lattice import Shape
 from torchsynth.neighborhood import Layer, Plane, candidates, layer_weights, layers_at
+from torchsynth.pyramid import level_shapes
 from torchsynth.recipe import Recipe
 from torchsynth.search.base import MEMORY_BUDGET
 from torchsynth.sweep import GROUP, Sweep
@@ -56,6 +57,52 @@ def check_candidates(recipe: Recipe, planes: Sequence[Plane]) -> None:
             layers = layers_at(sweep.layers, level, recipe.levels)
             if not bool(candidates(layers, planes, level).any()):
                 raise _no_candidates(layers, planes, level)
+
+
+def check_target(recipe: Recipe, given: bool) -> None:
+    """A recipe follows a target exactly when there is one.
+
+    Raises:
+        InputError: If a recipe that follows none is given one, or the other way around.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> check_target(recipes.wei_levoy(), given=False)
+    """
+    follows = any(layer.plane == "target" for sweep in recipe.sweeps for layer in sweep.layers)
+    if given and not follows:
+        raise InputError(
+            "target", "must be given to a recipe that compares it",
+            f"the recipe {recipe.name!r} has no layer on the target plane",
+            "use torchsynth.recipes.with_target(recipe)",
+        )  # fmt: skip
+    if follows and not given:
+        raise InputError(
+            "target", f"must be given to the recipe {recipe.name!r}, which follows one", "there is none",
+            "pass a picture of the output's size as the target",
+        )  # fmt: skip
+
+
+def check_rows(recipe: Recipe, size: Shape) -> None:
+    """The sweeps of each level must visit all of its rows.
+
+    Raises:
+        InputError: If some would never be synthesized.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> check_rows(recipes.wei_levoy(), (64, 64))
+    """
+    for level, (height, _) in enumerate(level_shapes(size, recipe.levels)):
+        visited = torch.zeros(height, dtype=torch.bool)
+        for sweep in recipe.sweeps_at(level):
+            visited[slice(*(sweep.rows or (None,)))] = True
+        if not bool(visited.all()):
+            row = int((~visited).nonzero()[0])
+            raise InputError(
+                "recipe", f"must visit every row of level {level}", f"no sweep visits row {row}",
+                "change the 'rows' of its sweeps",
+            )  # fmt: skip
 
 
 def check_memory(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import torch
+from pydantic import Field
 
-from torchsynth._typing import Image
-from torchsynth.lattice import Boundary, Shape
+from torchsynth._typing import Image, Rows, Sites
+from torchsynth.canvas import Canvas
+from torchsynth.lattice import Boundary, Shape, to_cells
 from torchsynth.part import Part
-from torchsynth.pyramid import border_of, gaussian_pyramid, match_histogram
+from torchsynth.pyramid import border_of, gaussian_pyramid, level_shapes, match_histogram
 
 
 class Noise(Part):
@@ -57,6 +60,86 @@ class Noise(Part):
             for image, like in zip(levels, exemplar, strict=True)
         )
 
+    def sow(
+        self, canvas: Canvas, coarser: Canvas | None, usable: Sites, generators: Sequence[torch.Generator]
+    ) -> None:
+        """Nothing: no pixel of the noise comes from the exemplar."""
 
-Initial: TypeAlias = Noise
+
+class RandomSource(Part):
+    """Random exemplar pixels; on finer levels the children of those of the coarser level.
+
+    The coarsest level begins with a random candidate at each pixel: noise that has sources. On every
+    other level a pixel begins as a copy of what its parent was copied from, at twice the position plus
+    its own place among the parent's children, and counts as synthesized.
+
+    Source: Ashikhmin 2001, section 3; several levels as in the report on both algorithms, section 2.2 e.
+
+    Example:
+        >>> levels = (torch.rand(1, 3, 8, 8), torch.rand(1, 3, 4, 4))
+        >>> [tuple(image.shape) for image in RandomSource().start(levels, (6, 10), "torus", [])]
+        [(0, 3, 6, 10), (0, 3, 3, 5)]
+    """
+
+    kind: Literal["random_source"] = "random_source"
+
+    def start(
+        self,
+        exemplar: Sequence[Image],
+        shape: Shape,
+        boundary: Boundary,  # noqa: ARG002 (initialisers share one signature)
+        generators: Sequence[torch.Generator],
+    ) -> tuple[Image, ...]:
+        """Black pictures: :meth:`sow` covers them.
+
+        Args:
+            exemplar: The exemplar's pyramid.
+            shape: Height and width of the output.
+            boundary: Not needed here.
+            generators: One for each sample; not advanced.
+        """
+        shapes = level_shapes(shape, len(exemplar))
+        return tuple(
+            like.new_zeros(len(generators), like.shape[1], *size)
+            for like, size in zip(exemplar, shapes, strict=True)
+        )
+
+    def sow(
+        self, canvas: Canvas, coarser: Canvas | None, usable: Sites, generators: Sequence[torch.Generator]
+    ) -> None:
+        """Set the source of every pixel at the start of a level.
+
+        Args:
+            canvas: The level.
+            coarser: The finished level above it, if there is one.
+            usable: The candidates of the level's first sweep.
+            generators: One for each sample; at the coarsest level each is advanced by a draw a pixel.
+        """
+        sites = torch.arange(math.prod(canvas.shape), device=usable.device)
+        if coarser is not None:
+            canvas.write(sites, _children(canvas, coarser, sites))
+            canvas.known[:-1] = True
+            return
+        draws = torch.stack(
+            [torch.rand(len(sites), generator=draws, dtype=torch.float64) for draws in generators]
+        )
+        canvas.write(sites, usable[(draws.to(usable.device) * len(usable)).long()])
+
+
+Initial: TypeAlias = Annotated[Noise | RandomSource, Field(discriminator="kind")]
 """Any initialiser; the ``kind`` field tells them apart in YAML."""
+
+
+def _children(canvas: Canvas, coarser: Canvas, sites: Sites) -> Rows:
+    """Where the pixels of a level come from, given where their parents do."""
+    cells = to_cells(sites, canvas.shape[1])
+    # Sides round down, so the last row or column of an odd level joins the family before it.
+    last = torch.tensor(coarser.shape, device=sites.device) - 1
+    parents = (cells // 2).minimum(last)
+    source = coarser.source[:, parents[:, 0] * coarser.shape[1] + parents[:, 1]]
+    height, width = canvas.exemplar.shape[-2:]
+    half = coarser.exemplar.shape[-1]
+    place = cells - 2 * parents
+    rows = (2 * (source // half) + place[:, 0]).clamp(max=height - 1)
+    columns = (2 * (source % half) + place[:, 1]).clamp(max=width - 1)
+    return rows * width + columns

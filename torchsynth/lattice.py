@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Int64
 from torch import Tensor
 
-from torchsynth._typing import Cells, Offsets, Sites
+from torchsynth._typing import Cells, Frames, Offsets, Sites
 
 Shape: TypeAlias = tuple[int, int]
 """Height and width in pixels."""
@@ -27,8 +27,8 @@ output tiles. ``open``: what lies outside is unknown and is left out of the comp
 class Reads:
     """Where the neighbors of some sites lie: flat positions, and which of them exist.
 
-    ``inside`` is None when all of them do (always so on a torus); a position that does not exist is
-    stored as 0 and must not be used.
+    ``inside`` is None when all of them do (always so on a torus). One that does not exist is stored as
+    the position behind the last, where planes of the output keep an empty pixel.
     """
 
     positions: Int64[Tensor, "sites neighbors"]
@@ -55,20 +55,55 @@ def parents(cells: Cells, up: int) -> Cells:
     return cells >> up
 
 
-def read(cells: Cells, offsets: Offsets, shape: Shape, boundary: Boundary) -> Reads:
+def distorted(offsets: Offsets, frames: Frames) -> Int64[Tensor, "sites neighbors 2"]:
+    """The offsets of each site, turned and scaled by its frame and rounded to pixels.
+
+    Example:
+        >>> quarter_turn = torch.tensor([[[0.0, -1.0], [1.0, 0.0]]], dtype=torch.float64)
+        >>> distorted(torch.tensor([[0, 3]]), quarter_turn).tolist()
+        [[[-3, 0]]]
+    """
+    return torch.einsum("sij,kj->ski", frames, offsets.to(frames)).round().long()
+
+
+def read(
+    cells: Cells,
+    offsets: Offsets | Int64[Tensor, "sites neighbors 2"],
+    shape: Shape,
+    boundary: Boundary,
+) -> Reads:
     """Find the neighbors ``cell + offset`` of every cell in a plane of the given shape.
+
+    Args:
+        cells: Where to look from.
+        offsets: The same for all cells, or for each cell its own.
+        shape: Height and width of the plane.
+        boundary: What lies beyond its border.
 
     Example:
         >>> up = torch.tensor([[-1, 0]])
         >>> read(torch.tensor([[0, 3]]), up, (4, 5), "torus").positions.tolist()
         [[18]]
-        >>> read(torch.tensor([[0, 3]]), up, (4, 5), "open").inside.tolist()
-        [[False]]
+        >>> read(torch.tensor([[0, 3]]), up, (4, 5), "open").positions.tolist()
+        [[20]]
     """
     height, width = shape
-    rows = cells[:, :1] + offsets[:, 0]
-    columns = cells[:, 1:] + offsets[:, 1]
+    rows = cells[:, :1] + offsets[..., 0]
+    columns = cells[:, 1:] + offsets[..., 1]
     if boundary == "torus":
         return Reads(rows.remainder(height) * width + columns.remainder(width), None)
     inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-    return Reads((rows * width + columns) * inside, None if bool(inside.all()) else inside)
+    return only(Reads(rows * width + columns, None), inside, shape)
+
+
+def only(reads: Reads, there: Bool[Tensor, "sites neighbors"], shape: Shape) -> Reads:
+    """Leave out the neighbors that are not there.
+
+    Example:
+        >>> only(Reads(torch.tensor([[7, 8]]), None), torch.tensor([[True, False]]), (3, 3)).positions.tolist()
+        [[7, 9]]
+    """
+    inside = there if reads.inside is None else there & reads.inside
+    if bool(inside.all()):
+        return Reads(reads.positions, None)
+    return Reads(reads.positions.masked_fill(~inside, shape[0] * shape[1]), inside)

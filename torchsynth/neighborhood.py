@@ -21,8 +21,8 @@ from jaxtyping import Int64
 from pydantic import Field, model_validator
 from torch import Tensor
 
-from torchsynth._typing import Cells, Features, Image, Offsets, Region, Values
-from torchsynth.lattice import Boundary, Reads, Shape, parents, read, to_cells
+from torchsynth._typing import Cells, Features, Frames, Image, Offsets, Region, Values
+from torchsynth.lattice import Boundary, Reads, Shape, distorted, only, parents, read, to_cells
 from torchsynth.part import Part
 from torchsynth.template import Template
 
@@ -38,7 +38,8 @@ class Layer(Part):
 
     Args:
         plane: ``result`` is the level being synthesized (the exemplar's same level on the other side);
-            ``coarse`` is a finished coarser level, read around the pixel's parent.
+            ``coarse`` is a finished coarser level, read around the pixel's parent; ``target`` is the
+            picture that the output should follow, where it was painted.
         template: Which neighbors are compared.
         weight: How much each of their squared differences counts, a whole number. Visible effect: a
             heavier coarse layer keeps more of the coarse structure, a heavier result layer is smoother.
@@ -51,7 +52,7 @@ class Layer(Part):
         1
     """
 
-    plane: Literal["result", "coarse"]
+    plane: Literal["result", "coarse", "target"]
     template: Template
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
     up: Annotated[int, Field(ge=1)] | None = None
@@ -59,7 +60,7 @@ class Layer(Part):
     @model_validator(mode="after")
     def _up_needs_coarse(self) -> Layer:
         if self.up is not None and self.plane != "coarse":
-            raise ValueError("'up' is for the coarse plane; a result layer reads its own level")
+            raise ValueError(f"'up' is for the coarse plane; a {self.plane} layer reads its own level")
         return self
 
     @property
@@ -73,7 +74,8 @@ class Plane:
     """A picture that neighborhoods are read from.
 
     Args:
-        values: Whole numbers from -128 to 127, one row for each pixel.
+        values: Whole numbers from -128 to 127, one row for each pixel; on the output's side there is
+            one row more, of zeros, for every neighbor that does not exist.
         shape: Height and width.
         boundary: What a neighborhood finds beyond the border.
         valid: Where it may be read at all; None means everywhere.
@@ -93,11 +95,13 @@ class Index:
         features: ``(E, candidates, features)``: one set for each exemplar.
         sites: The flat exemplar position of each candidate, ascending.
         weights: How much each feature's squared difference counts: whole numbers.
+        shape: Height and width of the exemplar level that the positions refer to.
     """
 
     features: Features
     sites: Int64[Tensor, " candidates"]
     weights: Int64[Tensor, " features"]
+    shape: Shape
 
 
 def quantize(image: Image, dtype: torch.dtype) -> Values:
@@ -174,22 +178,44 @@ def gather_candidates(
         cells = parents(to_cells(sites, usable.shape[1]), layer.steps_up)
         _gather_windows(layer, planes[level + layer.steps_up], cells, out=columns)
     repeats = torch.tensor(widths, device=sites.device)
-    return Index(features, sites, torch.tensor(weights, device=sites.device).repeat_interleave(repeats))
+    counts = torch.tensor(weights, device=sites.device).repeat_interleave(repeats)
+    return Index(features, sites, counts, planes[level].shape)
 
 
-def gather(plane: Plane, reads: Reads) -> Features:
+def output_plane(image: Image, dtype: torch.dtype, boundary: Boundary, valid: Region | None = None) -> Plane:
+    """A plane of the output's side, with its empty pixel behind the last.
+
+    Example:
+        >>> output_plane(torch.ones(1, 1, 1, 2), torch.float32, "open").values.flatten().tolist()
+        [127.0, 127.0, 0.0]
+    """
+    height, width = image.shape[2:]
+    values = torch.nn.functional.pad(quantize(image, dtype), (0, 0, 0, 1))
+    return Plane(values, (height, width), boundary, valid)
+
+
+def gather(plane: Plane, positions: Int64[Tensor, "sites neighbors"]) -> Features:
     """Read neighborhoods from an output plane; what does not exist comes out as 0."""
-    found = plane.values.index_select(1, reads.positions.flatten())
-    features = found.view(len(found), len(reads.positions), -1)
-    if reads.inside is None:
-        return features
-    return features * reads.inside.repeat_interleave(plane.values.shape[2], dim=1)
+    found = plane.values.index_select(1, positions.view(-1))
+    return found.view(found.shape[0], positions.shape[0], -1)
 
 
-def reads_of(layer: Layer, plane: Plane, cells: Cells) -> Reads:
-    """Where a layer reads an output plane for the given cells of the synthesized level."""
+def reads_of(layer: Layer, plane: Plane, cells: Cells, frames: Frames | None) -> Reads:
+    """Where a layer reads an output plane for the given cells of the synthesized level.
+
+    Args:
+        layer: Which neighbors.
+        plane: What is read; where it is not valid, there is nothing to read.
+        cells: The pixels whose turn it is.
+        frames: How each of them sees its surroundings distorted; None if it does not.
+    """
     offsets = layer.template.offsets().to(cells.device)
-    return read(parents(cells, layer.steps_up), offsets, plane.shape, plane.boundary)
+    turned = offsets if frames is None else distorted(offsets, frames)
+    reads = read(parents(cells, layer.steps_up), turned, plane.shape, plane.boundary)
+    if plane.valid is None:
+        return reads
+    valid = torch.nn.functional.pad(plane.valid.flatten(), (0, 1))
+    return only(reads, valid[reads.positions], plane.shape)
 
 
 @dataclass(frozen=True)

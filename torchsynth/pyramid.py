@@ -9,7 +9,7 @@ from kornia.contrib import histogram_matching
 from kornia.geometry import pyrdown
 from torch import Tensor
 
-from torchsynth._typing import Image
+from torchsynth._typing import Image, Region
 from torchsynth.lattice import Boundary, Shape
 
 Border: TypeAlias = Literal["circular", "reflect"]
@@ -67,6 +67,39 @@ def gaussian_pyramid(image: Image, levels: int, border: Border) -> tuple[Image, 
     for _ in range(levels - 1):
         planes = _on_grid(torch.cat([_halve(plane[None, None], border)[0] for plane in planes]))
         pyramid.append(planes.view(*image.shape[:2], *planes.shape[1:]).to(image.dtype))
+    return tuple(pyramid)
+
+
+def masked_pyramid(
+    image: Image, region: Region, levels: int, border: Border
+) -> tuple[tuple[Image, Region], ...]:
+    """The pyramid of a picture that is known in a region only: nothing from outside comes in.
+
+    A coarse pixel is known if at least half of what is blended into it is; it is the mean of that.
+
+    Args:
+        image: Values in [0, 1]; those outside the region do not matter.
+        region: Where the picture is known.
+        levels: How many levels to return.
+        border: As in :func:`gaussian_pyramid`.
+
+    Returns:
+        Picture and region of each level, the finest first.
+
+    Example:
+        >>> image, region = torch.rand(1, 1, 8, 8), torch.zeros(8, 8, dtype=torch.bool)
+        >>> region[:, :4] = True
+        >>> masked_pyramid(image, region, 2, "reflect")[1][1][0].tolist()
+        [True, True, False, False]
+    """
+    pyramid = [(image, region)]
+    for _ in range(levels - 1):
+        finer, known = pyramid[-1]
+        weight = known.to(torch.float64)[None, None]
+        share = gaussian_pyramid(weight, 2, border)[1]
+        blend = gaussian_pyramid(finer.double() * weight, 2, border)[1]
+        coarse = (blend / share.clamp(min=2**-20)).clamp(0, 1)
+        pyramid.append((coarse.to(image.dtype), share[0, 0] >= 1 / 2))
     return tuple(pyramid)
 
 

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 from torchsynth.errors import ConfigError
+from torchsynth.initial import Noise, RandomSource
 from torchsynth.lattice import Boundary
 from torchsynth.neighborhood import Layer
 from torchsynth.recipe import Recipe
-from torchsynth.search import TSVQ
+from torchsynth.schedule import Shuffle, Simultaneous
+from torchsynth.search import TSVQ, Coherence, Exhaustive, Search
 from torchsynth.sweep import Sweep
-from torchsynth.template import Causal, Square
+from torchsynth.template import Anticausal, Causal, Square
+
+_MOST_PASSES = 20
 
 
 def wei_levoy(
@@ -131,10 +136,291 @@ def wei_levoy_tsvq(
     )
 
 
+def ashikhmin(
+    *,
+    neighborhood: int = 5,
+    noise: bool = False,
+    tileable: bool = True,
+    spare_bottom: bool = False,
+    boundary: Boundary = "torus",
+) -> Recipe:
+    """Ashikhmin's synthesis of natural textures: patches of the exemplar, grown pixel by pixel.
+
+    How the paper's sections map to parts: the array of original positions (3) to ``RandomSource``; the
+    shifted candidates to ``Coherence``; the L-shape to one causal layer; tileability to two more sweeps,
+    over the last and over the first rows.
+
+    Args:
+        neighborhood: Side of the causal square in pixels, odd, 3 or more. Larger ones make larger
+            patches: smoother textures need 9 or more.
+        noise: Whether pixels that are not synthesized yet are compared, as the noise they are, and offer
+            candidates. Without noise they are left out, which usually looks better in the first rows.
+        tileable: Whether the last rows see the first ones, and the first ones are visited again; an
+            open boundary never tiles.
+        spare_bottom: See :class:`torchsynth.Coherence`.
+        boundary: ``torus`` or ``open``.
+
+    Raises:
+        pydantic.ValidationError: If the size is even or too small.
+
+    Source:
+        M. Ashikhmin, *Synthesizing natural textures*, I3D 2001, section 3.
+
+    Example:
+        >>> [sweep.rows for sweep in ashikhmin(neighborhood=5).sweeps]
+        [(0, -2), (-2, None), (0, 2)]
+    """
+    first = Sweep(
+        layers=_causal_layers(neighborhood, None),
+        search=Coherence(template=Causal(size=neighborhood), spare_bottom=spare_bottom),
+        unknown="read" if noise else "skip",
+    )
+    return Recipe(
+        name="ashikhmin",
+        description="Ashikhmin 2001, coherent candidates",
+        levels=1,
+        boundary=boundary,
+        initial=RandomSource(),
+        sweeps=_tileable(first, neighborhood) if tileable and boundary == "torus" else (first,),
+    )
+
+
+def ashikhmin_multires(
+    *,
+    levels: int = 3,
+    neighborhood: int = 5,
+    parent: int = 3,
+    noise: bool = False,
+    boundary: Boundary = "torus",
+) -> Recipe:
+    """Ashikhmin's synthesis on several levels, each beginning with the sources of the coarser one.
+
+    Smoother textures gain from it: the coarse levels hold the large structures, and the sources that
+    every pixel inherits from its parent are candidates too.
+
+    Args:
+        levels: Pyramid levels, 1 or more.
+        neighborhood: Side of the causal square in pixels, odd, 3 or more.
+        parent: Side of the square on the next coarser level, odd.
+        noise: As for :func:`ashikhmin`.
+        boundary: ``torus`` or ``open``.
+
+    Raises:
+        pydantic.ValidationError: If a size is even or too small.
+
+    Source:
+        Ashikhmin 2001, section 3; the report on both algorithms, section 2.2 e.
+
+    Example:
+        >>> [sweep.levels for sweep in ashikhmin_multires(levels=3).sweeps]
+        [(2,), (0, 1)]
+    """
+    unknown: Literal["read", "skip"] = "read" if noise else "skip"
+    coarsest = Sweep(
+        layers=_causal_layers(neighborhood, None),
+        search=Coherence(template=Causal(size=neighborhood)),
+        unknown=unknown,
+        levels=(levels - 1,),
+    )
+    finer = Sweep(
+        layers=_causal_layers(neighborhood, parent),
+        search=Coherence(template=Square(size=neighborhood)),
+        unknown=unknown,
+        levels=tuple(range(levels - 1)) or None,
+    )
+    return Recipe(
+        name="ashikhmin_multires",
+        description="Ashikhmin 2001, on several levels",
+        levels=levels,
+        boundary=boundary,
+        initial=RandomSource(),
+        sweeps=(coarsest, finer) if levels > 1 else (coarsest,),
+    )
+
+
+def ashikhmin_target(
+    *, passes: int = 1, neighborhood: int = 5, noise: bool = False, boundary: Boundary = "torus"
+) -> Recipe:
+    """Ashikhmin's user control: a texture that follows a painted target.
+
+    Args:
+        passes: From 1 to 20. More passes come closer to the target, and flatten its areas of one color.
+        neighborhood: Side of the square in pixels, odd, 3 or more.
+        noise: As for :func:`ashikhmin`.
+        boundary: ``torus`` or ``open``.
+
+    Raises:
+        ConfigError: If there are fewer than 1 or more than 20 passes.
+        pydantic.ValidationError: If the size is even or too small.
+
+    Source:
+        Ashikhmin 2001, section 4.
+
+    Example:
+        >>> [layer.plane for layer in ashikhmin_target().sweeps[0].layers]
+        ['result', 'target']
+    """
+    plain = ashikhmin(neighborhood=neighborhood, noise=noise, tileable=False, boundary=boundary)
+    named = {"name": "ashikhmin_target", "description": "Ashikhmin 2001, following a painted target"}
+    return with_target(plain, passes=passes).model_copy(update=named)
+
+
+def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
+    """A recipe that follows a painted target, made of one that does not.
+
+    Every sweep that reads its own level also compares the target with the other half of its
+    neighborhood: the part of the square that a causal template leaves out, or all of a square. Further
+    passes repeat the sweeps of each level; coherent candidates then come from the full square, the
+    pixel's own source among them. Sweeps over some of the rows, which mend the tiling, are left out.
+
+    Args:
+        recipe: Any recipe with a layer on the result plane.
+        passes: From 1 to 20.
+
+    Raises:
+        ConfigError: If the recipe follows a target already, or has no sweep that could, or if there are
+            fewer than 1 or more than 20 passes.
+
+    Source:
+        Ashikhmin 2001, section 4; that any such recipe can do it is said in its section 6.
+
+    Example:
+        >>> recipe = with_target(wei_levoy(), passes=2)
+        >>> len(recipe.sweeps), [layer.plane for layer in recipe.sweeps[0].layers]
+        (2, ['result', 'coarse', 'target'])
+    """
+    if not 1 <= passes <= _MOST_PASSES:
+        raise ConfigError(
+            "passes", f"must be from 1 to {_MOST_PASSES}", f"it is {passes}", "choose a number between them"
+        )
+    layers = [layer for sweep in recipe.sweeps for layer in sweep.layers]
+    if any(layer.plane == "target" for layer in layers):
+        raise ConfigError(
+            recipe.name, "must not follow a target yet", "it has a layer on the target plane",
+            "use it as it is",
+        )  # fmt: skip
+    if not any(layer.plane == "result" for layer in layers):
+        raise ConfigError(
+            recipe.name, "must have a layer on the result plane", "there is none", "choose another recipe"
+        )
+    whole = [sweep.model_copy(update={"rows": None}) for sweep in recipe.sweeps if not _is_mending(sweep)]
+    first = [_following(sweep) for sweep in whole]
+    again = [_again(sweep) for sweep in first if any(layer.plane == "target" for layer in sweep.layers)]
+    return recipe.model_copy(
+        update={
+            "name": f"{recipe.name} with target",
+            "sweeps": (*first, *(again * (passes - 1))),
+        }
+    )
+
+
+def random_order(
+    *,
+    levels: int = 4,
+    neighborhood: int = 7,
+    parent: int = 5,
+    search: Literal["exhaustive", "tsvq", "coherence"] = "exhaustive",
+    order_seed: int = 0,
+    boundary: Boundary = "torus",
+) -> Recipe:
+    """Synthesis in random order, in two passes for each level.
+
+    The first pass matches on the coarser level alone (the coarsest level on the noise), all pixels at
+    once; the second visits them in random order, with the square neighborhood and the coarser level.
+    No direction is favored, so it is the order for distorted synthesis.
+
+    Args:
+        levels: Pyramid levels, 1 or more.
+        neighborhood: Side of the square neighborhood in pixels, odd, 3 or more.
+        parent: Side of the square on the next coarser level, odd.
+        search: How candidates are found.
+        order_seed: Which random order; it is the same for all outputs of a batch.
+        boundary: ``torus`` or ``open``.
+
+    Raises:
+        pydantic.ValidationError: If a size is even or too small.
+
+    Source:
+        The report on both algorithms, section 3; the order from Wei & Levoy 2001, *Texture synthesis
+        over arbitrary manifold surfaces*.
+
+    Example:
+        >>> [sweep.order.kind for sweep in random_order(levels=1).sweeps]
+        ['simultaneous', 'shuffle']
+    """
+    coarse = Layer(plane="coarse", template=Square(size=parent))
+    result = Layer(plane="result", template=Square(size=neighborhood, center=False))
+    searches: dict[str, Search] = {
+        "exhaustive": Exhaustive(),
+        "tsvq": TSVQ(),
+        "coherence": Coherence(template=Square(size=neighborhood)),
+    }
+    chosen = searches[search]
+    on_noise = Sweep(layers=(result,), search=chosen, order=Simultaneous(), levels=(levels - 1,))
+    on_coarse = Sweep(
+        layers=(coarse,), search=chosen, order=Simultaneous(), levels=tuple(range(levels - 1)) or None
+    )
+    shuffled = Sweep(layers=(result, coarse), search=chosen, order=Shuffle(seed=order_seed))
+    return Recipe(
+        name="random_order",
+        description="Random order in two passes for each level",
+        levels=levels,
+        boundary=boundary,
+        initial=RandomSource() if search == "coherence" else Noise(),
+        sweeps=(on_noise, on_coarse, shuffled) if levels > 1 else (on_noise, shuffled),
+    )
+
+
+def distorted(
+    *,
+    levels: int = 3,
+    neighborhood: int = 9,
+    parent: int = 5,
+    search: Literal["exhaustive", "tsvq", "coherence"] = "exhaustive",
+    order_seed: int = 0,
+    boundary: Boundary = "open",
+) -> Recipe:
+    """Random order with what suits a field of angles and scales: larger squares, an open boundary.
+
+    The field itself is a control of the output, see :class:`torchsynth.Controls`: any recipe can be
+    distorted, but causal ones favor a direction that the field then turns.
+
+    Args:
+        levels: As for :func:`random_order`; fewer, since coarse levels show less of the field.
+        neighborhood: As for :func:`random_order`; larger, since a turned small square is a coarse one.
+        parent: As for :func:`random_order`.
+        search: As for :func:`random_order`.
+        order_seed: As for :func:`random_order`.
+        boundary: ``open``, as fields seldom tile; or ``torus``.
+
+    Raises:
+        pydantic.ValidationError: If a size is even or too small.
+
+    Source:
+        The report on both algorithms, section 3.1.
+
+    Example:
+        >>> distorted().boundary
+        'open'
+    """
+    recipe = random_order(
+        levels=levels, neighborhood=neighborhood, parent=parent, search=search, order_seed=order_seed,
+        boundary=boundary,
+    )  # fmt: skip
+    return recipe.model_copy(
+        update={"name": "distorted", "description": "Random order, for fields of angle and scale"}
+    )
+
+
 RECIPES: dict[str, Callable[[], Recipe]] = {
     "wei_levoy": wei_levoy,
     "wei_levoy_single": wei_levoy_single,
     "wei_levoy_tsvq": wei_levoy_tsvq,
+    "ashikhmin": ashikhmin,
+    "ashikhmin_multires": ashikhmin_multires,
+    "ashikhmin_target": ashikhmin_target,
+    "random_order": random_order,
+    "distorted": distorted,
 }
 """The recipes by name, with their default parameters."""
 
@@ -154,6 +440,47 @@ def _causal_sweeps(
         Sweep(layers=_causal_layers(side, above), levels=(levels - 1 - steps,))
         for steps, (side, above) in enumerate(zip(causal, parents, strict=True))
     )
+
+
+def _tileable(first: Sweep, neighborhood: int) -> tuple[Sweep, ...]:
+    """Leave the last rows to a sweep that sees the first ones, and visit those again."""
+    rim = neighborhood // 2
+    square = Square(size=neighborhood, center=False)
+    coherent = first.search.model_copy(update={"template": square})
+    around = first.model_copy(
+        update={"layers": (Layer(plane="result", template=square),), "search": coherent, "unknown": "skip"}
+    )
+    return (
+        first.model_copy(update={"rows": (0, -rim)}),
+        around.model_copy(update={"rows": (-rim, None)}),
+        around.model_copy(update={"rows": (0, rim)}),
+    )
+
+
+def _is_mending(sweep: Sweep) -> bool:
+    """Whether a sweep visits only some last or first rows, after another has visited the rest."""
+    start, stop = sweep.rows or (0, None)
+    return bool(start) or (stop is not None and stop > 0)
+
+
+def _following(sweep: Sweep) -> Sweep:
+    """The sweep, comparing the target with what its result layers leave to be compared."""
+    results = [layer for layer in sweep.layers if layer.plane == "result"]
+    if not results:
+        return sweep
+    largest = max(results, key=lambda layer: layer.template.size)
+    size = largest.template.size
+    template = Anticausal(size=size) if isinstance(largest.template, Causal) else Square(size=size)
+    layer = Layer(plane="target", template=template, weight=largest.weight)
+    return sweep.model_copy(update={"layers": (*sweep.layers, layer)})
+
+
+def _again(sweep: Sweep) -> Sweep:
+    """The sweep as a further pass: coherent candidates come from the full square."""
+    if not isinstance(sweep.search, Coherence):
+        return sweep
+    full = Square(size=sweep.search.template.size)
+    return sweep.model_copy(update={"search": sweep.search.model_copy(update={"template": full})})
 
 
 def _causal_layers(neighborhood: int, parent: int | None) -> tuple[Layer, ...]:

@@ -42,6 +42,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, TypeAlias
 
 import torch
+from jaxtyping import Int64
 from pydantic import Field
 from torch import Tensor
 
@@ -51,6 +52,9 @@ from torchsynth.part import Part
 
 Reach: TypeAlias = tuple[int, int]
 """How far a neighborhood reads on the level that is being written: up or down, and sideways."""
+
+Rows: TypeAlias = tuple[int | None, int | None]
+"""A range of rows as in a Python slice: ``(0, -2)`` is all but the last two."""
 
 _DONE = torch.iinfo(torch.int32).min
 
@@ -158,10 +162,25 @@ class Group:
 
 @dataclass(frozen=True)
 class Schedule:
-    """The batches of one sweep: all sites, batch after batch, and the size of each batch."""
+    """The batches of one sweep.
+
+    Args:
+        sites: All sites to visit, batch after batch.
+        sizes: The size of each batch.
+        batch: For every site of the level the batch it is in; past the last for sites not visited, and
+            for the empty pixel behind them all.
+    """
 
     sites: Sites
     sizes: list[int]
+    batch: Int64[Tensor, " positions"]
+
+    def done_before(self, read: Int64[Tensor, "sites neighbors"], sites: Sites) -> Tensor:
+        """Whether each neighbor is visited before the pixel that reads it, in the literal order.
+
+        Batches can tell: a pixel that reads another is never in the same batch as an earlier one.
+        """
+        return self.batch[read] < self.batch[sites].unsqueeze(1)
 
     def groups(self, piece: int, group: int) -> Iterator[Group]:
         """Cut the batches into pieces of at most ``piece`` sites, and pack these into groups.
@@ -182,11 +201,14 @@ class Schedule:
                 sizes.append(size)
                 ends.append(left <= piece)
                 stop += size
-        yield Group(self.sites[start:stop], sizes, ends)
+        if sizes:
+            yield Group(self.sites[start:stop], sizes, ends)
 
 
-def schedule(order: Order, shape: Shape, reach: Reach | None, boundary: Boundary) -> Schedule:
-    """Put all sites of a level into batches that give the result of the literal order.
+def schedule(
+    order: Order, shape: Shape, reach: Reach | None, boundary: Boundary, rows: Rows | None = None
+) -> Schedule:
+    """Put the sites of a level into batches that give the result of the literal order.
 
     Args:
         order: Who comes first.
@@ -194,6 +216,7 @@ def schedule(order: Order, shape: Shape, reach: Reach | None, boundary: Boundary
         reach: How far the level itself is read while it is written; None if it is not read at all, in
             which case no pixel depends on another and there is only one batch.
         boundary: Whether neighborhoods wrap around.
+        rows: The first row to visit and the one to stop before, as in a Python slice; None means all.
 
     Example:
         >>> schedule(Scanline(), (64, 64), (4, 4), "torus").sizes[-1]
@@ -201,11 +224,16 @@ def schedule(order: Order, shape: Shape, reach: Reach | None, boundary: Boundary
         >>> len(schedule(Scanline(), (64, 64), (4, 4), "torus").sizes)
         631
     """
-    if reach is None:
-        return Schedule(torch.arange(shape[0] * shape[1]), [shape[0] * shape[1]])
-    batch = order.batches(shape, reach, boundary).flatten()
-    sizes: list[int] = batch.bincount().tolist()
-    return Schedule(batch.argsort(stable=True), [size for size in sizes if size])
+    batch = torch.zeros(shape, dtype=torch.int64)
+    if reach is not None:
+        batch = order.batches(shape, reach, boundary)
+    visited = torch.zeros(shape, dtype=torch.bool)
+    visited[slice(*(rows or (None,)))] = True
+    never = int(batch.max()) + 1
+    batch = torch.cat((batch.masked_fill(~visited, never).flatten(), torch.tensor([never])))
+    sizes: list[int] = batch[batch < never].bincount().tolist()
+    sites = batch.argsort(stable=True)[: sum(sizes)]
+    return Schedule(sites, [size for size in sizes if size], batch)
 
 
 def batches_of(rank: Grid, reach: Reach, boundary: Boundary) -> Grid:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
-from typing import Annotated, Any, TypeAlias
+from itertools import accumulate, repeat
+from typing import Annotated, Any, Literal, TypeAlias
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int64
 from pydantic import Field
 from torch import Tensor
 
-from torchsynth._typing import Draws, Features, Rows, Sites
+from torchsynth._typing import Cells, Draws, Features, Frames, Offsets, Rows, Sites
 from torchsynth.accept import Accept, Best
 from torchsynth.canvas import Canvas
-from torchsynth.lattice import Reads, to_cells
+from torchsynth.lattice import Reads, distorted, only, read, to_cells
 from torchsynth.neighborhood import (
     STEPS,
     Layer,
@@ -27,8 +27,9 @@ from torchsynth.neighborhood import (
     reads_of,
 )
 from torchsynth.part import Part
-from torchsynth.schedule import Order, Reach, Scanline, schedule
-from torchsynth.search import Exhaustive, Query, Search
+from torchsynth.schedule import Order, Reach, Scanline, Schedule, schedule
+from torchsynth.schedule import Rows as Span
+from torchsynth.search import Exhaustive, Offers, Query, Search, chance, scatter_draws, spare
 
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
 # enough to bound memory and to report progress often.
@@ -50,6 +51,10 @@ class Sweep(Part):
         order: Which pixel comes first.
         accept: Which candidate wins.
         levels: The pyramid levels this sweep runs on, 0 the finest; None means all of them.
+        rows: The rows to visit, as in a Python slice: ``(0, -2)`` leaves out the last two, ``(-2, None)``
+            visits only them. None means all.
+        unknown: What becomes of neighbors that show only what the level started from: ``read`` compares
+            them and takes their offers, ``skip`` leaves them out until they have been synthesized.
         normalize: Share each layer's weight out among its neighbors, so that equal weights count the
             same whatever the template sizes. The papers sum plain squared differences.
 
@@ -65,6 +70,8 @@ class Sweep(Part):
     order: Order = Scanline()
     accept: Accept = Best()
     levels: Levels | None = None
+    rows: Annotated[Span, Field(strict=False)] | None = None
+    unknown: Literal["read", "skip"] = "read"
     normalize: bool = False
 
     def runs_at(self, level: int) -> bool:
@@ -72,64 +79,121 @@ class Sweep(Part):
         return self.levels is None or level in self.levels
 
 
+@dataclass(frozen=True)
+class Fitted:
+    """A sweep with what its searcher has made of one level's candidates.
+
+    Args:
+        sweep: The sweep.
+        layers: Those of its layers that exist at this level.
+        sites: The flat exemplar position of each candidate.
+        weights: How much each feature's squared difference counts.
+        state: The searcher's own affair.
+    """
+
+    sweep: Sweep
+    layers: tuple[Layer, ...]
+    sites: Sites
+    weights: Float[Tensor, " features"]
+    state: Any
+
+    @classmethod
+    def to(cls, sweep: Sweep, level: int, canvases: Sequence[Canvas], exemplar: Sequence[Plane]) -> Fitted:
+        """Fit a sweep's searcher to the exemplar's planes, at one level of so many canvases."""
+        layers = layers_at(sweep.layers, level, len(canvases))
+        index = gather_candidates(layers, layer_weights(layers, sweep.normalize), exemplar, level)
+        complete = sweep.unknown == "read" and all(
+            plane.boundary == "torus" and plane.valid is None
+            for plane in (_plane(layer, level, canvases) for layer in layers)
+        )
+        state = sweep.search.fit(index, complete)
+        return cls(sweep, layers, index.sites, index.weights.to(index.features.dtype), state)
+
+    def serves(self, sweep: Sweep) -> bool:
+        """Whether another sweep of the same level can use what was fitted for this one."""
+        same = ("layers", "search", "unknown", "normalize")
+        return all(getattr(self.sweep, name) == getattr(sweep, name) for name in same)
+
+
 def run_sweep(
-    sweep: Sweep,
+    fitted: Fitted,
     level: int,
     canvases: Sequence[Canvas],
-    exemplar: Sequence[Plane],
     draws: Draws,
     advance: Advance,
 ) -> None:
-    """Visit every pixel of a level once, in the sweep's order, and write the winners to its canvas.
+    """Visit the pixels of a level once, in the sweep's order, and write the winners to its canvas.
 
     Args:
-        sweep: What to do.
+        fitted: What to do.
         level: Which level.
         canvases: The output by level; coarser levels are finished.
-        exemplar: The exemplar's planes by level.
-        draws: A uniform random number for each sample and pixel, for pixels that have no neighbor.
+        draws: A random number for each sample and pixel, for pixels that have nothing to go by.
         advance: Told how many pixels are done; an exception raised in it ends the sweep.
     """
-    canvas = canvases[level]
-    layers = layers_at(sweep.layers, level, len(canvases))
-    index = gather_candidates(layers, layer_weights(layers, sweep.normalize), exemplar, level)
-    candidates, weights = index.sites, index.weights.to(index.features.dtype)
-    # What a searcher fits is its own affair.
-    state: Any = sweep.search.fit(index, complete=canvas.plane.boundary == "torus")
-    del index  # the searcher keeps what it needs of the features
+    canvas, sweep, candidates = canvases[level], fitted.sweep, fitted.sites
 
-    def visit(sites: Sites, query: Query) -> tuple[Rows, Costs]:
-        proposals = sweep.search.search(state, query)
+    def visit(sites: Sites, query: Query, blind: Tensor | None) -> tuple[Rows, Costs]:
+        proposals = sweep.search.search(fitted.state, query)
         choice = sweep.accept.choose(proposals.cost)
-        source = candidates.take(proposals.rows_at(choice.place))
-        if query.readable is not None and not bool((seeing := query.readable.any(1)).all()):
+        rows = proposals.rows_at(choice.place)
+        if blind is not None:
             # No neighbor at all: every candidate costs nothing, and any one is as good.
-            blind = draws[:, sites[~seeing]]
-            source[:, ~seeing] = candidates[(blind * len(candidates)).long()]
-        return source, choice.cost
+            unseeing = scatter_draws(draws[:, sites[blind]], 1).squeeze(2)
+            rows[:, blind] = spare(unseeing, len(candidates))
+        return candidates.take(rows), choice.cost
 
-    reader = _Reader.of(layers, level, [other.plane for other in canvases])
-    batches = schedule(sweep.order, canvas.shape, reader.reach, canvas.plane.boundary)
-    capacity = max(1, sweep.search.capacity(state) // len(canvas.source))
+    reader = _Reader.of(fitted, level, canvases)
+    batches = schedule(sweep.order, canvas.shape, reader.reach, canvas.plane.boundary, sweep.rows)
+    capacity = max(1, sweep.search.capacity(fitted.state) // len(canvas.source))
     pending: list[tuple[Sites, Rows]] = []
     for group in batches.groups(capacity, GROUP):
         group_sites = group.sites.to(candidates.device)
-        gathered, costs = reader.gather(group_sites), []
+        gathered, costs = reader.gather(group_sites, batches, draws), []
         pieces = zip(group_sites.split(group.sizes), gathered.queries(group.sizes), strict=True)
-        for (sites, query), ends_batch in zip(pieces, group.ends_batch, strict=True):
-            source, cost = visit(sites, query)
+        for (sites, (query, blind)), ends_batch in zip(pieces, group.ends_batch, strict=True):
+            source, cost = visit(sites, query, blind)
             pending.append((sites, source))
             costs.append(cost)
             if ends_batch:  # gather before scatter: a batch sees nothing of itself
                 for written in pending:
                     canvas.write(*written)
                 pending.clear()
-        canvas.write_cost(group_sites, gathered.distance(torch.cat(costs, dim=1), weights))
+        canvas.write_cost(group_sites, gathered.distance(torch.cat(costs, dim=1), fitted.weights))
         advance(len(group_sites))
+    canvas.known[batches.sites.to(candidates.device)] = True
 
 
 Costs: TypeAlias = Float[Tensor, "batch sites"]
 """What the accepted candidates cost."""
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """The neighbors whose sources a search wants to see, for the sites of a group."""
+
+    source: Int64[Tensor, "batch positions"]
+    reads: Reads
+    spares: Int64[Tensor, "batch sites neighbors"]
+    chances: Int64[Tensor, "batch sites neighbors"]
+
+    def offers(self, sizes: list[int]) -> Iterator[Offers]:
+        """What they have to offer, piece by piece, each read when it is asked for."""
+        given = self.reads.inside
+        if given is not None:
+            # Where nobody is there, the first stands for one without source: any candidate is as good.
+            given = given.clone()
+            given[:, 0] |= ~given.any(1)
+        pieces = zip(
+            self.reads.positions.split(sizes),
+            _split(given, sizes),
+            self.spares.split(sizes, dim=1),
+            self.chances.split(sizes, dim=1),
+            strict=True,
+        )
+        for positions, there, spares, chances in pieces:
+            found = self.source.index_select(1, positions.view(-1)).view(spares.shape)
+            yield Offers(found, None if there is None else ~there, spares, chances)
 
 
 @dataclass(frozen=True)
@@ -141,25 +205,32 @@ class _Gathered:
 
     features: Features
     readable: Bool[Tensor, "sites features"] | None
-    moving: list[tuple[slice, Plane, Reads]]
+    moving: list[tuple[slice, Plane, Int64[Tensor, "sites neighbors"]]]
+    wanted: _Wanted | None
 
-    def queries(self, sizes: list[int]) -> Iterator[Query]:
-        """The group's neighborhoods, piece by piece, each read when it is asked for."""
+    def queries(self, sizes: list[int]) -> Iterator[tuple[Query, Tensor | None]]:
+        """The group's neighborhoods, piece by piece, each read when it is asked for.
+
+        With each piece comes which of its sites have nothing at all to go by, if there are any.
+        """
         features = self.features.split(sizes, dim=1)
         readable = _split(self.readable, sizes)
+        seeing: list[Tensor | None] = [None] * len(sizes)
+        if self.readable is not None and self.wanted is None:
+            seeing = _split(self.readable.any(1), sizes)
+        offers = repeat(None) if self.wanted is None else self.wanted.offers(sizes)
         moving = [
             (
                 self.features[..., columns].split(sizes, dim=1),
                 plane,
-                reads.positions.split(sizes),
-                _split(reads.inside, sizes),
+                positions.split(sizes),
             )
-            for columns, plane, reads in self.moving
+            for columns, plane, positions in self.moving
         ]
-        for piece, there in enumerate(readable):
-            for columns, plane, positions, inside in moving:
-                columns[piece].copy_(gather(plane, Reads(positions[piece], inside[piece])))
-            yield Query(features[piece], there)
+        for piece, (there, sees, offered) in enumerate(zip(readable, seeing, offers, strict=False)):
+            for columns, plane, positions in moving:
+                columns[piece].copy_(gather(plane, positions[piece]))
+            yield Query(features[piece], there, offered), None if sees is None else ~sees
 
     def distance(self, costs: Costs, weights: Float[Tensor, " features"]) -> Costs:
         """The accepted costs as mean squared differences per compared value, in units of [0, 1].
@@ -176,42 +247,90 @@ class _Reader:
     """The output side of a neighborhood: its layers, bound to the planes of one output.
 
     Args:
-        canvas: The plane that is being written.
+        canvas: What is being written.
         bound: For each layer its plane, and whether that plane changes during the sweep.
+        wanted: The neighbors whose sources the search wants to see.
+        candidates: How many candidates there are.
+        skips: Whether pixels that are not synthesized yet are left out.
     """
 
-    canvas: Plane
+    canvas: Canvas
     bound: list[tuple[Layer, Plane, bool]]
+    wanted: Offsets | None
+    candidates: int
+    skips: bool
 
     @classmethod
-    def of(cls, layers: Sequence[Layer], level: int, planes: Sequence[Plane]) -> _Reader:
-        bound = [(layer, planes[level + layer.steps_up], layer.plane == "result") for layer in layers]
-        return cls(planes[level], bound)
+    def of(cls, fitted: Fitted, level: int, canvases: Sequence[Canvas]) -> _Reader:
+        bound = [(layer, _plane(layer, level, canvases), layer.plane == "result") for layer in fitted.layers]
+        wanted = fitted.sweep.search.wants()
+        if wanted is not None:
+            wanted = wanted.to(fitted.sites.device)
+        return cls(canvases[level], bound, wanted, len(fitted.sites), fitted.sweep.unknown == "skip")
 
     @property
     def reach(self) -> Reach | None:
         """How far the level reads itself while it is written; None if it does not."""
         offsets = [layer.template.offsets() for layer, _, moves in self.bound if moves]
+        if self.wanted is not None:
+            offsets.append(self.wanted.cpu())
         if not offsets:
             return None
-        vertical, horizontal = torch.cat(offsets).abs().amax(0).tolist()
+        far = torch.cat(offsets).abs().amax(0)
+        if self.canvas.frames is not None:
+            # The farthest corner, for the frame that throws it farthest; rounding keeps the order.
+            far = (self.canvas.frames.abs().cpu() @ far.double()).amax(0).round().long()
+        vertical, horizontal = far.tolist()
         return vertical, horizontal
 
-    def gather(self, sites: Sites) -> _Gathered:
+    def gather(self, sites: Sites, batches: Schedule, draws: Draws) -> _Gathered:
         """Read everything of the sites' neighborhoods that cannot change any more."""
         cells = to_cells(sites, self.canvas.shape[1])
-        every = [reads_of(layer, plane, cells) for layer, plane, _ in self.bound]
-        batch, _, channels = self.canvas.values.shape
+        frames = None if self.canvas.frames is None else self.canvas.frames[sites]
+        every = [
+            self._known(reads_of(layer, plane, cells, frames), sites, batches, moves)
+            for layer, plane, moves in self.bound
+        ]
+        batch, _, channels = self.canvas.plane.values.shape
         widths = [reads.positions.shape[1] * channels for reads in every]
-        features = self.canvas.values.new_empty(batch, len(sites), sum(widths) + 1)
+        features = self.canvas.plane.values.new_empty(batch, len(sites), sum(widths) + 1)
         features[..., -1] = 1
         moving = []
         for (_, plane, moves), reads, columns in zip(self.bound, every, _spans(widths), strict=True):
             if moves:
-                moving.append((columns, plane, reads))
+                moving.append((columns, plane, reads.positions))
             else:
-                features[..., columns] = gather(plane, reads)
-        return _Gathered(features, _readable(every, widths), moving)
+                features[..., columns] = gather(plane, reads.positions)
+        wanted = self._wanted(sites, cells, frames, batches, draws)
+        return _Gathered(features, _readable(every, widths), moving, wanted)
+
+    def _known(self, reads: Reads, sites: Sites, batches: Schedule, moves: bool) -> Reads:
+        """Leave out what is not synthesized when the site's turn comes, if that is asked for."""
+        if not (moves and self.skips):
+            return reads
+        known = self.canvas.known[reads.positions] | batches.done_before(reads.positions, sites)
+        return only(reads, known, self.canvas.shape)
+
+    def _wanted(
+        self, sites: Sites, cells: Cells, frames: Frames | None, batches: Schedule, draws: Draws
+    ) -> _Wanted | None:
+        """The neighbors a search wants to see, if it wants any."""
+        if self.wanted is None:
+            return None
+        offsets = self.wanted if frames is None else distorted(self.wanted, frames)
+        reads = read(cells, offsets, self.canvas.shape, self.canvas.plane.boundary)
+        reads = self._known(reads, sites, batches, moves=True)
+        scattered = scatter_draws(draws[:, sites], len(self.wanted))
+        return _Wanted(self.canvas.source, reads, spare(scattered, self.candidates), chance(scattered))
+
+
+def _plane(layer: Layer, level: int, canvases: Sequence[Canvas]) -> Plane:
+    """What a layer reads on the output's side."""
+    if layer.plane == "target":
+        target = canvases[level].target
+        assert target is not None, "checked before work starts"  # noqa: S101 (for the type checker)
+        return target
+    return canvases[level + layer.steps_up].plane
 
 
 def _spans(widths: Sequence[int]) -> list[slice]:
@@ -224,7 +343,10 @@ def _split(flags: Tensor | None, sizes: list[int]) -> list[Tensor | None]:
     """Cut flags into pieces; a piece in which all are True becomes None."""
     if flags is None:
         return [None] * len(sizes)
-    return [None if bool(piece.all()) else piece for piece in flags.split(sizes)]
+    # One question to the tensor, not one for each piece.
+    whole = (flags if flags.ndim == 1 else flags.all(1)).tolist()
+    spans = _spans(sizes)
+    return [None if all(whole[span]) else flags[span] for span in spans]
 
 
 def _readable(every: Sequence[Reads], widths: Sequence[int]) -> Bool[Tensor, "sites features"] | None:

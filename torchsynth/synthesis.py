@@ -5,24 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TypeAlias
 
 import torch
 from torch import Tensor
 
-from torchsynth import checks
-from torchsynth._typing import Image
+from torchsynth import checks, field
+from torchsynth._typing import Frames, Image
 from torchsynth.canvas import Canvas
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
-from torchsynth.feasibility import check_candidates, check_memory, matching_dtype
+from torchsynth.feasibility import (
+    check_candidates,
+    check_memory,
+    check_rows,
+    check_target,
+    matching_dtype,
+)
 from torchsynth.lattice import Shape
-from torchsynth.neighborhood import Plane, quantize
-from torchsynth.pyramid import border_of, gaussian_pyramid
+from torchsynth.neighborhood import Plane, output_plane, quantize
+from torchsynth.pyramid import border_of, gaussian_pyramid, masked_pyramid
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result
-from torchsynth.sweep import run_sweep
+from torchsynth.sweep import Fitted, run_sweep
 
 Progress: TypeAlias = Callable[[int, int, int, int, Callable[[], Image]], None]
 """``(level, sweep, done, total, preview)``: the level being synthesized (0 the finest), the number of
@@ -79,8 +86,12 @@ def synthesize(
     samples = exemplar.samples
     size = checks.check_size(size)
     seeds = checks.check_seeds(seed, len(samples) if len(samples) > 1 else None)
-    initial = _initial_for(controls, samples, size, len(seeds))
+    initial = _picture_for("initial", controls.initial, samples, size, len(seeds))
+    target = _picture_for("target", controls.target, samples, size, len(seeds))
+    _check_fields(controls, size)
+    check_target(recipe, target is not None)
     check_memory(recipe, samples, size, len(seeds))
+    check_rows(recipe, size)
 
     images = exemplar.images(recipe.levels)
     planes = _exemplar_planes(exemplar, images, matching_dtype(recipe, samples.shape[1]))
@@ -91,13 +102,15 @@ def synthesize(
         starts = recipe.initial.start(images, size, recipe.boundary, generators)
     else:
         starts = gaussian_pyramid(initial, recipe.levels, border_of(recipe.boundary))
-    canvases = [
-        Canvas.blank(start, image, plane, recipe.boundary)
-        for start, image, plane in zip(starts, images, planes, strict=True)
-    ]
+    dtype, device = planes[0].values.dtype, samples.device
+    targets = _target_planes(target, controls.target_region, recipe, dtype)
+    canvases = []
+    for start, image, plane, level_target in zip(starts, images, planes, targets, strict=True):
+        frames = _frames(controls, (start.shape[2], start.shape[3]), device)
+        canvases.append(Canvas.blank(start, image, plane, recipe.boundary, level_target, frames))
     with _exact_arithmetic(samples.device.type):
-        _run(recipe, canvases, planes, generators, progress)
-    return Result(tuple(map(_finished, canvases)), recipe, tuple(seeds))
+        begun = _run(recipe, canvases, planes, generators, initial is None, progress)
+    return Result(tuple(map(_finished, canvases, begun)), recipe, tuple(seeds))
 
 
 @contextmanager
@@ -117,9 +130,10 @@ def _run(
     canvases: Sequence[Canvas],
     planes: Sequence[Plane],
     generators: Sequence[torch.Generator],
+    sown: bool,
     progress: Progress | None,
-) -> None:
-    """All sweeps of all levels, coarse to fine."""
+) -> list[Image]:
+    """All sweeps of all levels, coarse to fine; returns the picture each level started from."""
     passes = [
         (level, number, sweep)
         for level in reversed(range(recipe.levels))
@@ -127,8 +141,18 @@ def _run(
     ]
     total = sum(math.prod(canvases[level].shape) for level, _, _ in passes)
     done = 0
+    begun = [canvas.start for canvas in canvases]
+    fitted: Fitted | None = None
     for level, number, sweep in passes:
         canvas = canvases[level]
+        if number == 0 or fitted is None or not fitted.serves(sweep):
+            fitted = None  # before the next one takes its memory
+            fitted = Fitted.to(sweep, level, canvases, planes)
+        fitted = replace(fitted, sweep=sweep)
+        if number == 0 and sown:
+            coarser = canvases[level + 1] if level + 1 < recipe.levels else None
+            recipe.initial.sow(canvas, coarser, fitted.sites, generators)
+            begun[level] = canvas.image()
 
         def advance(pixels: int, level: int = level, number: int = number) -> None:
             nonlocal done
@@ -136,12 +160,10 @@ def _run(
             if progress is not None:
                 progress(level, number, done, total, canvases[level].image)
 
-        draws = [
-            torch.rand(math.prod(canvas.shape), generator=generator, dtype=torch.float64)
-            for generator in generators
-        ]
+        draws = [torch.randint(2**62, (math.prod(canvas.shape),), generator=one) for one in generators]
         advance(0)
-        run_sweep(sweep, level, canvases, planes, torch.stack(draws).to(canvas.source.device), advance)
+        run_sweep(fitted, level, canvases, torch.stack(draws).to(canvas.source.device), advance)
+    return begun
 
 
 def _exemplar_planes(exemplar: Exemplar, images: Sequence[Image], dtype: torch.dtype) -> tuple[Plane, ...]:
@@ -153,21 +175,60 @@ def _exemplar_planes(exemplar: Exemplar, images: Sequence[Image], dtype: torch.d
     )
 
 
-def _initial_for(controls: Controls, samples: Image, size: Shape, outputs: int) -> Image | None:
-    """The user's starting picture as a batch, if there is one and it fits the output."""
-    if controls.initial is None:
+def _target_planes(
+    target: Image | None, region: Tensor | None, recipe: Recipe, dtype: torch.dtype
+) -> Sequence[Plane | None]:
+    """What neighborhoods read of the target, level by level."""
+    if target is None:
+        return [None] * recipe.levels
+    border = border_of(recipe.boundary)
+    if region is None:
+        images = gaussian_pyramid(target, recipe.levels, border)
+        return [output_plane(image, dtype, recipe.boundary) for image in images]
+    painted = masked_pyramid(target, region.to(target.device), recipe.levels, border)
+    return [output_plane(image, dtype, recipe.boundary, known) for image, known in painted]
+
+
+def _picture_for(
+    subject: str, picture: Tensor | None, samples: Image, size: Shape, outputs: int
+) -> Image | None:
+    """A picture of the user's as a batch, if there is one and it fits the output."""
+    if picture is None:
         return None
-    initial = controls.initial.detach()
-    initial = initial if initial.ndim == 4 else initial.unsqueeze(0)
+    batch = picture.detach() if picture.ndim == 4 else picture.detach().unsqueeze(0)
     wanted = (samples.shape[1], *size)
-    if tuple(initial.shape[1:]) != wanted or len(initial) not in (1, outputs):
+    if tuple(batch.shape[1:]) != wanted or len(batch) not in (1, outputs):
         raise InputError(
-            "initial", f"must have the output's channels, height and width {wanted}",
-            f"its shape is {tuple(controls.initial.shape)}",
+            subject, f"must have the output's channels, height and width {wanted}",
+            f"its shape is {tuple(picture.shape)}",
             "resize it; a batch needs one picture, or one for each output",
         )  # fmt: skip
-    return initial.to(samples).expand(outputs, -1, -1, -1)
+    return batch.to(samples).expand(outputs, -1, -1, -1)
 
 
-def _finished(canvas: Canvas) -> Level:
-    return Level(canvas.exemplar, canvas.start, canvas.image(), canvas.source_map(), canvas.cost_map())
+def _check_fields(controls: Controls, size: Shape) -> None:
+    """Fields must have a value for every pixel of the output."""
+    for name in ("angle", "scale"):
+        given = getattr(controls, name)
+        if isinstance(given, Tensor) and tuple(given.shape) != size:
+            raise InputError(
+                name, f"must have the output's height and width {size}",
+                f"its shape is {tuple(given.shape)}", "resize it, or pass one number",
+            )  # fmt: skip
+
+
+def _frames(controls: Controls, shape: Shape, device: torch.device) -> Frames | None:
+    """How the pixels of a level see their surroundings turned and scaled, if they do."""
+    if not controls.distorts:
+        return None
+    fields = [
+        field.at_level(given.detach().double().cpu(), shape)
+        if isinstance(given, Tensor)
+        else field.constant(shape, default if given is None else float(given))
+        for given, default in ((controls.angle, 0.0), (controls.scale, 1.0))
+    ]
+    return field.frames(*fields).to(device)
+
+
+def _finished(canvas: Canvas, begun: Image) -> Level:
+    return Level(canvas.exemplar, begun, canvas.image(), canvas.source_map(), canvas.cost_map())

@@ -3,10 +3,12 @@
 A template is a set of offsets ``(dy, dx)``, rows before columns, and it means the same on both sides
 everywhere in the library: *neighbor = p + offset*.
 
-    causal 5x5          square 3x3 (with its center)
-    o o o o o               o o o
-    o o o o o               o o o
-    o o x                   o o o
+    causal 5x5       anticausal 5x5       square 3x3 (with its center)
+    o o o o o                                 o o o
+    o o o o o                                 o o o
+    o o x                o o o                o o o
+                     o o o o o
+                     o o o o o
 """
 
 from __future__ import annotations
@@ -51,6 +53,26 @@ class Causal(Part):
         return square[: len(square) // 2]
 
 
+class Anticausal(Part):
+    """The other half of the square: the pixel itself, those to its right, and all rows below.
+
+    In a scanline these are the pixels that are still to come, so it is laid on planes that are there
+    from the start, such as a painted target. Source: Ashikhmin 2001, section 4 and figure 7.
+
+    Example:
+        >>> Anticausal(size=3).offsets().tolist()
+        [[0, 0], [0, 1], [1, -1], [1, 0], [1, 1]]
+    """
+
+    kind: Literal["anticausal"] = "anticausal"
+    size: Side
+
+    def offsets(self) -> Offsets:
+        """The ``(dy, dx)`` of each neighbor, in raster order."""
+        square = _raster(self.size)
+        return square[len(square) // 2 :]
+
+
 class Square(Part):
     """All pixels of an ``n x n`` square, with or without the one in the middle.
 
@@ -72,7 +94,7 @@ class Square(Part):
         return square if self.center else square[(square != 0).any(1)]
 
 
-Template: TypeAlias = Annotated[Causal | Square, Field(discriminator="kind")]
+Template: TypeAlias = Annotated[Causal | Anticausal | Square, Field(discriminator="kind")]
 """Any template; the ``kind`` field tells them apart in YAML."""
 
 

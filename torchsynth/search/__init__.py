@@ -6,11 +6,27 @@ from typing import Annotated, TypeAlias
 
 from pydantic import Field
 
-from torchsynth.search.base import Costs, Proposals, Query
+from torchsynth.search.base import Costs, Offers, Proposals, Query, chance, scatter_draws, spare
+from torchsynth.search.coherence import Coherence, CoherenceState
 from torchsynth.search.exhaustive import Exhaustive, ExhaustiveState
 from torchsynth.search.tsvq import TSVQ, TSVQState
 
-Search: TypeAlias = Annotated[Exhaustive | TSVQ, Field(discriminator="kind")]
+Search: TypeAlias = Annotated[Exhaustive | TSVQ | Coherence, Field(discriminator="kind")]
 """Any searcher; the ``kind`` field tells them apart in YAML."""
 
-__all__ = ["TSVQ", "Costs", "Exhaustive", "ExhaustiveState", "Proposals", "Query", "Search", "TSVQState"]
+__all__ = [
+    "TSVQ",
+    "Coherence",
+    "CoherenceState",
+    "Costs",
+    "Exhaustive",
+    "ExhaustiveState",
+    "Offers",
+    "Proposals",
+    "Query",
+    "Search",
+    "TSVQState",
+    "chance",
+    "scatter_draws",
+    "spare",
+]

@@ -1,8 +1,10 @@
 """What the sweep and the searchers say to each other.
 
-A searcher is a part with these verbs: ``fit(index, complete)`` computes whatever it needs of the
-candidates, once, and ``copies(complete)`` says how much memory that takes; ``capacity(state)`` says how
-many queries fit its memory budget; ``largest_term`` bounds its sums, so that they stay exact; and ``search(state, query)`` proposes candidates with their costs. Which proposal wins is not its concern.
+A searcher is a part with these verbs: ``wants()`` names the neighbors whose sources it has to see;
+``fit(index, complete)`` computes whatever it needs of the candidates, once, and ``copies(complete)`` says
+how much memory that takes; ``capacity(state)`` says how many queries fit its memory budget;
+``largest_term`` bounds its sums, so that they stay exact; and ``search(state, query)`` proposes candidates
+with their costs. Which proposal wins is not its concern.
 """
 
 from __future__ import annotations
@@ -10,11 +12,80 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import torch
 from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
+from torchsynth._typing import Draws
+
 MEMORY_BUDGET = 32 * 2**20
 """Bytes that the costs of one search may take."""
+
+
+_HALF = 31
+_MASK = 2**_HALF - 1
+
+
+@dataclass(frozen=True)
+class Offers:
+    """What the neighbors that a search wants to see have to offer.
+
+    Args:
+        source: ``(B, sites, neighbors)``: the flat exemplar position each was copied from, or -1.
+        missing: Which neighbors offer nothing, the same for all samples; never all of a site. None
+            means that there are none.
+        spares: For each offer a random candidate to put in its place.
+        chances: For each offer a random number from 0 to 2**31 - 1.
+    """
+
+    source: Int64[Tensor, "batch sites neighbors"]
+    missing: Bool[Tensor, "sites neighbors"] | None
+    spares: Int64[Tensor, "batch sites neighbors"]
+    chances: Int64[Tensor, "batch sites neighbors"]
+
+
+def chance(draws: Int64[Tensor, "*any"]) -> Int64[Tensor, "*any"]:
+    """A random number from 0 to 2**31 - 1 for each draw, independent of the spare candidate.
+
+    Example:
+        >>> chance(torch.tensor([2**62 - 1])).item() == 2**31 - 1
+        True
+    """
+    shifted: Tensor = draws >> _HALF
+    return shifted
+
+
+def spare(draws: Int64[Tensor, "*any"], number: int) -> Int64[Tensor, "*any"]:
+    """A random candidate of so many, for each draw.
+
+    Example:
+        >>> spare(torch.tensor([0, 2**30, 2**31 - 1]), 10).tolist()
+        [0, 5, 9]
+    """
+    scaled: Tensor = ((draws & _MASK) * number) >> _HALF
+    return scaled
+
+
+def scatter_draws(draws: Draws, count: int) -> Int64[Tensor, "batch sites count"]:
+    """Several independent random numbers from each one, by mixing in the place of each.
+
+    The multipliers and shifts are those of SplitMix64 (Steele, Lea & Flood 2014), modulo 2**64.
+
+    Example:
+        >>> scatter_draws(torch.tensor([[5, 6]]), 3).shape
+        torch.Size([1, 2, 3])
+    """
+    places = torch.arange(1, count + 1, device=draws.device)
+    mixed = draws.unsqueeze(2) + places * -0x61C8864680B583EB
+    for shift, multiplier in ((30, -0x40A7B892E31B1A47), (27, -0x6B2FB644ECCEEE15)):
+        mixed = (mixed ^ _shifted(mixed, shift)) * multiplier
+    return (mixed ^ _shifted(mixed, 31)) & (2**62 - 1)
+
+
+def _shifted(words: Tensor, shift: int) -> Tensor:
+    """Shift right, filling with zeros: torch's own shift of a negative number fills with ones."""
+    shifted: Tensor = (words >> shift) & (2 ** (64 - shift) - 1)
+    return shifted
 
 
 @dataclass(frozen=True)
@@ -25,10 +96,12 @@ class Query:
         features: ``(B, sites, features + 1)``: whole numbers, 0 where the neighbor does not exist, and
             a 1 at the end, with which one matrix product can add a constant for each candidate.
         readable: Which features exist, the same for all samples; None means all of them.
+        offers: What the wanted neighbors offer; None if no search wants any.
     """
 
     features: Float[Tensor, "batch sites augmented"]
     readable: Bool[Tensor, "sites features"] | None = None
+    offers: Offers | None = None
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ class Exhaustive(Part):
 
     Example:
         >>> features = torch.tensor([[[0.0, 3.0], [1.0, 1.0]]])
-        >>> index = Index(features, torch.tensor([0, 1]), torch.tensor([1, 1]))
+        >>> index = Index(features, torch.tensor([0, 1]), torch.tensor([1, 1]), (1, 2))
         >>> state = Exhaustive().fit(index, complete=True)
         >>> found = Exhaustive().search(state, Query(torch.tensor([[[0.0, 2.0, 1.0]]])))
         >>> (found.cost + 2.0**2).tolist()
@@ -67,6 +67,9 @@ class Exhaustive(Part):
 
     largest_term: ClassVar[int] = 3 * 128**2
     """The most that one feature adds to a sum: ``|x|^2 - 2 q.x``, with both from -128 to 127."""
+
+    def wants(self) -> None:
+        """No sources: the neighbors' values are enough."""
 
     def fit(self, index: Index, complete: bool) -> ExhaustiveState:
         """Prepare the candidates.

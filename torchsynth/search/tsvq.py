@@ -91,7 +91,7 @@ class TSVQ(Part):
         Compression*, 1992.
 
     Example:
-        >>> index = Index(torch.tensor([[[0.0], [1.0], [9.0]]]), torch.arange(3), torch.tensor([1]))
+        >>> index = Index(torch.tensor([[[0.0], [1.0], [9.0]]]), torch.arange(3), torch.tensor([1]), (1, 3))
         >>> search = TSVQ(depth=2)
         >>> found = search.search(search.fit(index, complete=True), Query(torch.tensor([[[8.0, 1.0]]])))
         >>> found.rows.flatten()[found.cost.flatten().argmin()].item()
@@ -109,6 +109,9 @@ class TSVQ(Part):
     threshold: Annotated[float, Field(ge=0, lt=1)] = 1e-10
     beam: Annotated[int, Field(ge=1, le=64)] = 1
     leaf: Literal["nearest", "central"] = "nearest"
+
+    def wants(self) -> None:
+        """No sources: the neighbors' values are enough."""
 
     def fit(self, index: Index, complete: bool) -> TSVQState:  # noqa: ARG002 (the descent handles both)
         """Grow the tree.
