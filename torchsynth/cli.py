@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import sys
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +15,8 @@ import typer
 from torchsynth import config, jobs
 from torchsynth.errors import ConfigError, InputError, TorchsynthError
 from torchsynth.progress import progress_bar
-from torchsynth.recipes import RECIPES
+from torchsynth.recipe import Recipe
+from torchsynth.recipes import RECIPES, with_target
 from torchsynth.samples import PREFIX, SAMPLES
 
 app = typer.Typer(
@@ -68,6 +70,47 @@ def synthesize(
     initial: Annotated[
         str | None, typer.Option(metavar="FILE", help="Start from this picture instead of noise.")
     ] = None,
+    target: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Follow this picture, where it is not transparent. [default size: its own]"
+        ),
+    ] = None,
+    target_region: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Follow the target only where this picture is white.")
+    ] = None,
+    passes: Annotated[
+        int | None,
+        typer.Option(
+            help="How often to go over the output: more follow the target more closely.", min=1, max=20
+        ),
+    ] = None,
+    angle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FIELD",
+            help="Turn the texture counter-clockwise: degrees, swirl:DEGREES, radial, wave:DEGREES,PERIODS, "
+            "or a gray picture (black 0, white 360 degrees; float TIFF: degrees).",
+        ),
+    ] = None,
+    scale: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FIELD",
+            help="Enlarge its structures: a factor, zoom:LEFT,RIGHT, or a gray picture "
+            "(black 1/4, middle 1, white 4; float TIFF: factors).",
+        ),
+    ] = None,
+    blur_seams: Annotated[
+        int | None, typer.Option(metavar="PIXELS", help="Blur along the boundaries of patches, e.g. 3.")
+    ] = None,
+    figure: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND=FILE",
+            help="Also draw: patches (their boundaries), sources (where pixels come from), field.",
+        ),
+    ] = None,
     levels_dir: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Also write every pyramid level here.")
     ] = None,
@@ -87,15 +130,21 @@ def synthesize(
         raise InputError(
             "--count", f"must be from 1 to {_MOST}", f"it is {count}", "choose a number between them"
         )
+    usual = "wei_levoy" if target is None else "ashikhmin_target"
+    chosen = config.load_recipe(config_file or recipe or usual, changes or ())
     job = jobs.Job(
         exemplar=exemplar,
-        recipe=config.load_recipe(config_file or recipe or "wei_levoy", changes or ()),
+        recipe=_adapted(chosen, target is not None, passes, blur_seams),
         size=None if size is None else jobs.parse_size(size),
         seeds=tuple(range(seed, seed + count)),
         valid=valid,
         initial=initial,
+        target=target,
+        target_region=target_region,
+        angle=angle,
+        scale=scale,
     )
-    files = jobs.Files(output, levels_dir, source_map, overwrite)
+    files = jobs.Files(output, levels_dir, source_map, overwrite, _figures(figure or ()))
     _run(job, files)
 
 
@@ -181,6 +230,35 @@ def _fail(message: str) -> int:
     line = " ".join(message.splitlines())  # a file name may hold a line break
     typer.secho(f"error: {line}", err=True, fg="red" if sys.stderr.isatty() else None)
     return 2
+
+
+def _adapted(recipe: Recipe, has_target: bool, passes: int | None, blur_seams: int | None) -> Recipe:
+    """The recipe with what the options of the command line ask of it."""
+    if passes is not None and not has_target:
+        raise InputError(
+            "--passes", "must come with a target to follow", "there is none", "give --target as well"
+        )
+    if has_target and (passes is not None or not recipe.follows_target):
+        recipe = with_target(recipe, passes=passes or 1)
+    if blur_seams is not None:
+        recipe = config.parse_recipe(
+            recipe.model_dump(mode="json", exclude_none=True) | {"blur_seams": blur_seams}, "--blur-seams"
+        )
+    return recipe
+
+
+def _figures(wanted: Sequence[str]) -> dict[str, Path]:
+    """Which drawings go where."""
+    figures: dict[str, Path] = {}
+    for text in wanted:
+        kind, equals, path = text.partition("=")
+        if not equals or not path or kind in figures:
+            fact = f"{kind} is there twice" if kind in figures else f"it is {text!r}"
+            raise InputError(
+                "--figure", "must be KIND=FILE, each kind once", fact, "write e.g. patches=seams.png"
+            )
+        figures[kind] = Path(path)
+    return figures
 
 
 def _run(job: jobs.Job, files: jobs.Files) -> None:

@@ -69,14 +69,13 @@ def check_target(recipe: Recipe, given: bool) -> None:
         >>> from torchsynth import recipes
         >>> check_target(recipes.wei_levoy(), given=False)
     """
-    follows = any(layer.plane == "target" for sweep in recipe.sweeps for layer in sweep.layers)
-    if given and not follows:
+    if given and not recipe.follows_target:
         raise InputError(
             "target", "must be given to a recipe that compares it",
             f"the recipe {recipe.name!r} has no layer on the target plane",
             "use torchsynth.recipes.with_target(recipe)",
         )  # fmt: skip
-    if follows and not given:
+    if recipe.follows_target and not given:
         raise InputError(
             "target", f"must be given to the recipe {recipe.name!r}, which follows one", "there is none",
             "pass a picture of the output's size as the target",

@@ -8,6 +8,7 @@ your own is any tensor of the output's height and width.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
@@ -93,7 +94,13 @@ def wave(shape: Shape, amplitude: float, periods: float = 2.0, middle: float = 0
     return (middle + amplitude * torch.sin(2 * math.pi * periods * columns)).expand(shape)
 
 
-MAKERS = {"constant": constant, "swirl": swirl, "radial": radial, "zoom": zoom, "wave": wave}
+MAKERS: dict[str, Callable[..., FieldMap]] = {
+    "constant": constant,
+    "swirl": swirl,
+    "radial": radial,
+    "zoom": zoom,
+    "wave": wave,
+}
 """The built-in makers by name."""
 
 

@@ -8,7 +8,7 @@ import os
 import platform
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,7 @@ from pydantic import BaseModel, ValidationError, model_validator
 
 from torchsynth import checks, config
 from torchsynth.codecs import Depth
-from torchsynth.controls import Controls
+from torchsynth.drawing import check_drawable, draw
 from torchsynth.errors import ConfigError, InputError, OutputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.feasibility import outputs_that_fit
@@ -35,6 +35,7 @@ from torchsynth.lattice import Shape
 from torchsynth.recipe import Recipe
 from torchsynth.result import Result
 from torchsynth.synthesis import Progress, synthesize
+from torchsynth.wishes import FIELDS, controls_from, is_file, white
 
 _BATCH = 8
 """Outputs made together: more gain little and hold more memory."""
@@ -53,7 +54,11 @@ class Job:
         seeds: One for each output.
         valid: Path of a picture that is white where the exemplar may be sampled.
         initial: Path of a picture to start from.
-        sha256: What each of the three files has to hash to, where that is known.
+        target: Path of a picture to follow; its alpha channel, if it has one, marks what was painted.
+        target_region: Path of a picture that is white where the target was painted.
+        angle: By how much the texture is turned: degrees, a maker such as ``swirl:180``, or a path.
+        scale: By how much it is enlarged: a factor, a maker such as ``zoom:0.5,2``, or a path.
+        sha256: What each of these files has to hash to, where that is known.
     """
 
     exemplar: str
@@ -62,6 +67,10 @@ class Job:
     seeds: tuple[int, ...]
     valid: str | None = None
     initial: str | None = None
+    target: str | None = None
+    target_region: str | None = None
+    angle: str | None = None
+    scale: str | None = None
     sha256: dict[str, str] | None = None
 
 
@@ -74,12 +83,14 @@ class Files:
         levels: A folder for the pyramid levels, if they are wanted.
         source_map: A ``.npz`` file for the source map, if it is wanted.
         overwrite: Whether files that are there already may be replaced.
+        figures: Where each of :data:`torchsynth.drawing.KINDS` that is wanted goes.
     """
 
     output: Path
     levels: Path | None
     source_map: Path | None
     overwrite: bool
+    figures: dict[str, Path] = field(default_factory=dict)
 
 
 def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
@@ -96,13 +107,15 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
     """
     inputs = _read_inputs(job)
     exemplar = inputs["exemplar"]
-    height, width = exemplar.image.shape[1:]
-    size = checks.check_size(job.size or (2 * height, 2 * width))
+    size = checks.check_size(job.size or _usual_size(inputs))
     checks.check_seeds(job.seeds, None)
     check_storable(files.output, len(exemplar.image), size)
     targets = [_targets(files, number, job.recipe.levels) for number in _numbers(job)]
     _check_targets(job, files, [path for one in targets for path in one.all])
-    sample, controls = _sample(inputs), Controls(inputs["initial"].image if "initial" in inputs else None)
+    sample = _sample(inputs)
+    controls = controls_from(inputs, _words(job), len(exemplar.image), size)
+    for kind in files.figures:
+        check_drawable(kind, controls)
     batch = outputs_that_fit(job.recipe, sample.samples, size, min(_BATCH, len(job.seeds)))
     for start in range(0, len(job.seeds), batch):
         seeds = job.seeds[start : start + batch]
@@ -110,6 +123,9 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
         with staging() as put:
             for item, target in enumerate(targets[start : start + batch]):
                 _put_output(put, result, item, exemplar.depth, target)
+                for kind, path in target.figures.items():
+                    drawing = draw(kind, result, controls)[item]
+                    put(path, encode_image(drawing, path, "8-bit"))
                 record = _record(job, inputs, size, seeds[item])
                 put(target.record, json.dumps(record, indent=2).encode())
     return [target.picture for target in targets]
@@ -158,6 +174,10 @@ def load_record(path: Path) -> Job:
         seeds=(record.seed,),
         valid=paths.get("valid"),
         initial=paths.get("initial"),
+        target=paths.get("target"),
+        target_region=paths.get("target_region"),
+        angle=paths.get("angle", record.fields.get("angle")),
+        scale=paths.get("scale", record.fields.get("scale")),
         sha256={name: one.sha256 for name, one in record.inputs.items()},
     )
 
@@ -173,7 +193,8 @@ class _Record(BaseModel):
     recipe: dict[str, Any]
     size: tuple[int, int]
     seed: int
-    inputs: dict[Literal["exemplar", "valid", "initial"], _Input]
+    inputs: dict[Literal["exemplar", "valid", "initial", "target", "target_region", "angle", "scale"], _Input]
+    fields: dict[Literal["angle", "scale"], str] = {}
 
     @model_validator(mode="after")
     def _has_an_exemplar(self) -> _Record:
@@ -190,12 +211,13 @@ class _Targets:
     record: Path
     source_map: Path | None
     levels: dict[tuple[int, str], Path]
+    figures: dict[str, Path]
 
     @property
     def all(self) -> list[Path]:
         """All of them."""
         maybe = [] if self.source_map is None else [self.source_map]
-        return [self.picture, self.record, *maybe, *self.levels.values()]
+        return [self.picture, self.record, *maybe, *self.levels.values(), *self.figures.values()]
 
 
 def _targets(files: Files, number: int | None, levels: int) -> _Targets:
@@ -209,7 +231,8 @@ def _targets(files: Files, number: int | None, levels: int) -> _Targets:
         if folder is not None
     }
     source_map = None if files.source_map is None else _numbered(files.source_map, number)
-    return _Targets(picture, picture.with_suffix(".json"), source_map, pictures)
+    figures = {kind: _numbered(path, number) for kind, path in files.figures.items()}
+    return _Targets(picture, picture.with_suffix(".json"), source_map, pictures, figures)
 
 
 def _check_targets(job: Job, files: Files, targets: Sequence[Path]) -> None:
@@ -220,6 +243,8 @@ def _check_targets(job: Job, files: Files, targets: Sequence[Path]) -> None:
             str(files.source_map), "a source map must end in .npz",
             f"it ends in {suffix!r}" if suffix else "it has no extension", "rename it",
         )  # fmt: skip
+    for path in files.figures.values():
+        check_storable(path, 3, (1, 1))
     _check_distinct(_paths(job).values(), targets)
     folder = files.levels
     if folder is not None and os.path.exists(folder) and not os.path.isdir(folder):
@@ -279,9 +304,22 @@ def _read_inputs(job: Job) -> dict[str, Picture]:
 def _sample(inputs: dict[str, Picture]) -> Exemplar:
     if "valid" not in inputs:
         return Exemplar(inputs["exemplar"].image)
-    region = inputs["valid"].image
-    colors = region[:-1] if len(region) in (2, 4) else region  # alpha does not make a pixel white
-    return Exemplar(inputs["exemplar"].image, colors.mean(0) > 0.5)
+    return Exemplar(inputs["exemplar"].image, white(inputs["valid"]))
+
+
+def _usual_size(inputs: dict[str, Picture]) -> Shape:
+    """The target's size, or else twice the exemplar's."""
+    if "target" in inputs:
+        height, width = inputs["target"].image.shape[1:]
+        return height, width
+    height, width = inputs["exemplar"].image.shape[1:]
+    return 2 * height, 2 * width
+
+
+def _words(job: Job) -> dict[str, str]:
+    """The fields that are given without a file."""
+    given = {name: getattr(job, name) for name in FIELDS}
+    return {name: word for name, word in given.items() if word is not None and not is_file(word)}
 
 
 def _put_output(put: Put, result: Result, item: int, depth: Depth, targets: _Targets) -> None:
@@ -306,6 +344,7 @@ def _record(job: Job, inputs: dict[str, Picture], size: Shape, seed: int) -> dic
         "recipe": job.recipe.model_dump(mode="json", exclude_none=True),
         "size": list(size),
         "seed": seed,
+        "fields": _words(job),
         "inputs": {name: {"path": path, "sha256": digests[name]} for name, path in _paths(job).items()},
         "versions": _versions(),
     }
@@ -318,8 +357,9 @@ def _versions() -> dict[str, str]:
 
 def _paths(job: Job) -> dict[str, str]:
     """The input files by what they are for."""
-    paths = {"exemplar": job.exemplar, "valid": job.valid, "initial": job.initial}
-    return {name: path for name, path in paths.items() if path is not None}
+    names = ("exemplar", "valid", "initial", "target", "target_region", *FIELDS)
+    paths = {name: getattr(job, name) for name in names if getattr(job, name) is not None}
+    return {name: path for name, path in paths.items() if name not in _words(job)}
 
 
 def _found(path: str, folder: Path) -> str:

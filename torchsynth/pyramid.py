@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, TypeAlias
 
 import torch
 from kornia.contrib import histogram_matching
+from kornia.filters import filter2d_separable
 from kornia.geometry import pyrdown
 from torch import Tensor
 
@@ -125,6 +127,26 @@ def match_histogram(image: Image, reference: Image) -> Image:
     reference = reference.expand(len(image), -1, -1, -1)
     planes = zip(image.flatten(0, 1), reference.flatten(0, 1), strict=True)
     return torch.stack([histogram_matching(*pair) for pair in planes]).reshape(image.shape)
+
+
+def blur(image: Image, size: int, border: Border) -> Image:
+    """Blur with a binomial kernel of the given odd size, exactly as on any other machine.
+
+    Example:
+        >>> blur(torch.tensor([[[[0.0, 0.0, 1.0, 0.0, 0.0]]]]), 3, "circular")[0, 0, 0].tolist()
+        [0.0, 0.25, 0.5, 0.25, 0.0]
+    """
+    weights = [math.comb(size - 1, place) / 2 ** (size - 1) for place in range(size)]
+    kernel = torch.tensor([weights], dtype=torch.float64, device=image.device)
+    half = size // 2
+    # Smaller pictures than half a kernel are repeated: padding needs more.
+    down, across = (-(-(half + 1) // side) for side in image.shape[2:])
+    planes = _on_grid(image.double().flatten(0, 1).repeat(1, down, across))
+    blurred = torch.cat(
+        [filter2d_separable(plane[None, None], kernel, kernel, border)[0] for plane in planes]
+    )
+    height, width = image.shape[2:]
+    return blurred[:, :height, :width].reshape(image.shape).to(image.dtype)
 
 
 def _on_grid(planes: Tensor) -> Tensor:

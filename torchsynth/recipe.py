@@ -11,6 +11,7 @@ from torchsynth.lattice import Boundary
 from torchsynth.neighborhood import layers_at
 from torchsynth.part import Part
 from torchsynth.sweep import Sweep
+from torchsynth.template import Side
 
 
 class Recipe(Part):
@@ -24,6 +25,8 @@ class Recipe(Part):
         boundary: ``torus`` outputs tile; ``open`` ones have borders like the exemplar's.
         initial: What each level shows before its first sweep.
         sweeps: The passes over each level, in order.
+        blur_seams: Blur the finished picture along the boundaries of its patches, with a binomial kernel
+            of so many pixels. Its pixels there are then no copies. Source: Ashikhmin 2001, section 5.
 
     Example:
         >>> from torchsynth import recipes
@@ -37,6 +40,7 @@ class Recipe(Part):
     boundary: Boundary = "torus"
     initial: Initial = Noise()
     sweeps: Annotated[tuple[Sweep, ...], Field(min_length=1, strict=False)]
+    blur_seams: Annotated[Side, Field(ge=3, le=15)] | None = None
 
     @model_validator(mode="after")
     def _every_level_is_swept(self) -> Recipe:
@@ -70,6 +74,11 @@ class Recipe(Part):
                     f"a layer reads a level that exists, but one with up={layer.up} reads above "
                     f"the coarsest level, {self.levels - 1}, wherever its sweep runs"
                 )
+
+    @property
+    def follows_target(self) -> bool:
+        """Whether any sweep compares a target."""
+        return any(layer.plane == "target" for sweep in self.sweeps for layer in sweep.layers)
 
     def levels_of(self, sweep: Sweep) -> tuple[int, ...]:
         """The levels a sweep runs on, the finest first."""

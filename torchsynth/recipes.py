@@ -271,15 +271,15 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
     Every sweep that reads its own level also compares the target with the other half of its
     neighborhood: the part of the square that a causal template leaves out, or all of a square. Further
     passes repeat the sweeps of each level; coherent candidates then come from the full square, the
-    pixel's own source among them. Sweeps over some of the rows, which mend the tiling, are left out.
+    pixel's own source among them. Sweeps over some of the rows, which mend the tiling, are left out. A
+    recipe that follows a target already only gets the further passes.
 
     Args:
         recipe: Any recipe with a layer on the result plane.
         passes: From 1 to 20.
 
     Raises:
-        ConfigError: If the recipe follows a target already, or has no sweep that could, or if there are
-            fewer than 1 or more than 20 passes.
+        ConfigError: If no sweep could follow a target, or if there are fewer than 1 or more than 20 passes.
 
     Source:
         Ashikhmin 2001, section 4; that any such recipe can do it is said in its section 6.
@@ -293,25 +293,15 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
         raise ConfigError(
             "passes", f"must be from 1 to {_MOST_PASSES}", f"it is {passes}", "choose a number between them"
         )
-    layers = [layer for sweep in recipe.sweeps for layer in sweep.layers]
-    if any(layer.plane == "target" for layer in layers):
-        raise ConfigError(
-            recipe.name, "must not follow a target yet", "it has a layer on the target plane",
-            "use it as it is",
-        )  # fmt: skip
-    if not any(layer.plane == "result" for layer in layers):
+    if not any(layer.plane == "result" for sweep in recipe.sweeps for layer in sweep.layers):
         raise ConfigError(
             recipe.name, "must have a layer on the result plane", "there is none", "choose another recipe"
         )
     whole = [sweep.model_copy(update={"rows": None}) for sweep in recipe.sweeps if not _is_mending(sweep)]
-    first = [_following(sweep) for sweep in whole]
+    first = whole if recipe.follows_target else [_following(sweep) for sweep in whole]
     again = [_again(sweep) for sweep in first if any(layer.plane == "target" for layer in sweep.layers)]
-    return recipe.model_copy(
-        update={
-            "name": f"{recipe.name} with target",
-            "sweeps": (*first, *(again * (passes - 1))),
-        }
-    )
+    name = recipe.name if recipe.follows_target else f"{recipe.name} with target"
+    return recipe.model_copy(update={"name": name, "sweeps": (*first, *(again * (passes - 1)))})
 
 
 def random_order(

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Bool
 from torch import Tensor
 
 from torchsynth._typing import CostMap, Image, SourceMap
 from torchsynth.errors import InputError
-from torchsynth.lattice import Shape
+from torchsynth.lattice import Boundary, Shape
 from torchsynth.recipe import Recipe
 
 _SAME_WIDTH = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: torch.int64}
@@ -37,6 +38,8 @@ class Level:
 @dataclass(frozen=True)
 class Result:
     """A finished synthesis. For every pixel ``image == exemplar[source]``, exactly.
+
+    The one exception is the image of a recipe that blurs its seams.
 
     Args:
         levels: All pyramid levels, the finest first.
@@ -69,6 +72,22 @@ class Result:
         """``(B, OH, OW)``: how badly each pixel's neighborhood fitted its match (0: perfectly)."""
         return self.levels[0].cost
 
+    def seams(self) -> Bool[Tensor, "batch height width"]:
+        """Where patches end, ``(B, OH, OW)``.
+
+        True where the pixel to the right was not copied from the place to the right of this pixel's
+        source, or the pixel below not from the place below it. On a torus the last column and row are compared with the first ones.
+
+        Source: Ashikhmin 2001, figure 5.
+
+        Example:
+            >>> import torch, torchsynth as ts
+            >>> result = ts.synthesize(torch.rand(1, 16, 16), (8, 8), ts.recipes.ashikhmin())
+            >>> result.seams().shape
+            torch.Size([1, 8, 8])
+        """
+        return seams(self.source, self.recipe.boundary)
+
     def transfer(self, other: Tensor) -> Tensor:
         """Copy from another picture that is aligned with the exemplar, through the same source map.
 
@@ -91,6 +110,25 @@ class Result:
         """
         shape = self.levels[0].exemplar.shape[-2:]
         return transfer(self.source, other, (shape[0], shape[1]))
+
+
+def seams(source: SourceMap, boundary: Boundary) -> Bool[Tensor, "batch height width"]:
+    """Where the patches of a source map end; see :meth:`Result.seams`.
+
+    Example:
+        >>> source = torch.tensor([[[[0, 0, 0]], [[1, 2, 9]]]])
+        >>> seams(source, "open").tolist()
+        [[[False, True, False]]]
+    """
+    found = torch.zeros_like(source[:, 0], dtype=torch.bool)
+    for axis in (0, 1):
+        expected = source.clone()
+        expected[:, axis] += 1
+        broken = (source.roll(-1, axis + 2) != expected).any(1)
+        if boundary == "open":
+            broken.select(axis + 1, -1).fill_(False)
+        found |= broken
+    return found
 
 
 def transfer(source: SourceMap, other: Tensor, exemplar_shape: Shape) -> Tensor:

@@ -24,11 +24,11 @@ from torchsynth.feasibility import (
     check_target,
     matching_dtype,
 )
-from torchsynth.lattice import Shape
+from torchsynth.lattice import Boundary, Shape
 from torchsynth.neighborhood import Plane, output_plane, quantize
-from torchsynth.pyramid import border_of, gaussian_pyramid, masked_pyramid
+from torchsynth.pyramid import blur, border_of, gaussian_pyramid, masked_pyramid
 from torchsynth.recipe import Recipe
-from torchsynth.result import Level, Result
+from torchsynth.result import Level, Result, seams
 from torchsynth.sweep import Fitted, run_sweep
 
 Progress: TypeAlias = Callable[[int, int, int, int, Callable[[], Image]], None]
@@ -110,7 +110,10 @@ def synthesize(
         canvases.append(Canvas.blank(start, image, plane, recipe.boundary, level_target, frames))
     with _exact_arithmetic(samples.device.type):
         begun = _run(recipe, canvases, planes, generators, initial is None, progress)
-    return Result(tuple(map(_finished, canvases, begun)), recipe, tuple(seeds))
+    levels = list(map(_finished, canvases, begun))
+    if recipe.blur_seams is not None:
+        levels[0] = _with_blurred_seams(levels[0], recipe.blur_seams, recipe.boundary)
+    return Result(tuple(levels), recipe, tuple(seeds))
 
 
 @contextmanager
@@ -228,6 +231,14 @@ def _frames(controls: Controls, shape: Shape, device: torch.device) -> Frames | 
         for given, default in ((controls.angle, 0.0), (controls.scale, 1.0))
     ]
     return field.frames(*fields).to(device)
+
+
+def _with_blurred_seams(level: Level, size: int, boundary: Boundary) -> Level:
+    """The level with its picture blurred on both sides of every patch's boundary."""
+    ends = seams(level.source, boundary)
+    beside = ends | ends.roll(1, 1) | ends.roll(1, 2)
+    blurred = blur(level.image, size, border_of(boundary))
+    return replace(level, image=torch.where(beside.unsqueeze(1), blurred, level.image))
 
 
 def _finished(canvas: Canvas, begun: Image) -> Level:

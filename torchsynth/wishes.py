@@ -1,0 +1,147 @@
+"""Controls from files and words, as the command line and records give them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+
+from torch import Tensor
+
+from torchsynth import checks
+from torchsynth.controls import Controls
+from torchsynth.errors import InputError
+from torchsynth.field import MAKERS
+from torchsynth.io import Picture
+from torchsynth.lattice import Shape
+
+FIELDS = ("angle", "scale")
+"""The controls that may be numbers or words."""
+
+_OPAQUE = 0.5
+
+
+def is_file(word: str) -> bool:
+    """Whether a field is given by a file, not by a number or a maker.
+
+    Example:
+        >>> is_file("angles.png"), is_file("45"), is_file("swirl:90")
+        (True, False, False)
+    """
+    return _number(word) is None and word.partition(":")[0] not in MAKERS
+
+
+def controls_from(
+    pictures: Mapping[str, Picture], words: Mapping[str, str], channels: int, size: Shape
+) -> Controls:
+    """Put together what was asked for.
+
+    Args:
+        pictures: The files that were read: ``initial``, ``target``, ``target_region``, ``angle``, ``scale``.
+        words: Fields given without a file.
+        channels: Of the exemplar.
+        size: Of the output.
+
+    Raises:
+        InputError: If something does not fit.
+
+    Example:
+        >>> controls_from({}, {"angle": "45"}, 3, (8, 8)).angle
+        45.0
+    """
+    target, region = _target(pictures, channels)
+    fields = {name: parse_field(name, word, size) for name, word in words.items()}
+    fields |= {name: _field_picture(name, pictures[name]) for name in FIELDS if name in pictures}
+    initial = pictures["initial"].image if "initial" in pictures else None
+    return Controls(initial=initial, target=target, target_region=region, **fields)
+
+
+def parse_field(subject: str, word: str, size: Shape) -> Tensor | float:
+    """A field from a number, or from a maker with its arguments, as in ``wave:30,2``.
+
+    Args:
+        subject: What it is called, for messages.
+        word: The number or maker.
+        size: Of the output.
+
+    Raises:
+        InputError: If the maker takes other arguments.
+
+    Example:
+        >>> parse_field("scale", "constant:2", (1, 2)).tolist()
+        [[2.0, 2.0]]
+    """
+    number = _number(word)
+    if number is not None:
+        return number
+    name, _, rest = word.partition(":")
+    maker = MAKERS[name]
+    arguments = [_number(one) for one in rest.split(",")] if rest else []
+    try:
+        if None in arguments:
+            raise TypeError
+        inspect.signature(maker).bind(size, *arguments)
+    except TypeError:
+        wanted = ",".join(list(inspect.signature(maker).parameters)[1:])
+        raise InputError(
+            subject, f"{name!r} takes the numbers {wanted}", f"it is given {checks.shortened(rest)}",
+            f"write {name}:{wanted} with numbers",
+        ) from None  # fmt: skip
+    made: Tensor = maker(size, *arguments)
+    return made
+
+
+def _field_picture(subject: str, picture: Picture) -> Tensor:
+    """A field from a picture: float files hold the numbers themselves, others a share of the range."""
+    if len(picture.image) != 1:
+        raise InputError(
+            subject, "a field's picture must be gray", f"it has {len(picture.image)} channels",
+            "convert it to one channel",
+        )  # fmt: skip
+    values = picture.image[0].double()
+    if picture.depth == "float":
+        return values
+    return values * 360 if subject == "angle" else 4 ** (2 * values - 1)
+
+
+def _target(pictures: Mapping[str, Picture], channels: int) -> tuple[Tensor | None, Tensor | None]:
+    """The target and its painted region, which its alpha channel or a file of its own may mark."""
+    if "target" not in pictures:
+        if "target_region" in pictures:
+            raise InputError(
+                "target region", "must come with a target", "there is none", "give --target as well"
+            )
+        return None, None
+    target = pictures["target"].image
+    painted = None
+    if len(target) == channels + 1 and len(target) in (2, 4):
+        target, painted = target[:-1], target[-1] > _OPAQUE
+    if "target_region" in pictures:
+        if painted is not None:
+            raise InputError(
+                "target region", "must be marked once", "the target has an alpha channel and a region file",
+                "drop one of them",
+            )  # fmt: skip
+        painted = white(pictures["target_region"])
+    if painted is not None:
+        checks.check_region(painted, (target.shape[1], target.shape[2]), "target region")
+    return target, painted
+
+
+def white(picture: Picture) -> Tensor:
+    """Where a picture is white rather than black; its alpha channel does not count.
+
+    Example:
+        >>> import torch
+        >>> white(Picture(torch.tensor([[[0.0, 1.0]]]), "8-bit", "")).tolist()
+        [[False, True]]
+    """
+    image = picture.image
+    colors = image[:-1] if len(image) in (2, 4) else image
+    return colors.mean(0) > _OPAQUE
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
