@@ -81,9 +81,7 @@ def synthesize(
     ] = None,
     passes: Annotated[
         int | None,
-        typer.Option(
-            help="How often to go over the output: more follow the target more closely.", min=1, max=20
-        ),
+        typer.Option(help="How often to go over the output, 1 to 20: more follow the target more closely."),
     ] = None,
     angle: Annotated[
         str | None,

@@ -35,7 +35,7 @@ from torchsynth.lattice import Shape
 from torchsynth.recipe import Recipe
 from torchsynth.result import Result
 from torchsynth.synthesis import Progress, synthesize
-from torchsynth.wishes import FIELDS, controls_from, is_file, white
+from torchsynth.wishes import FIELDS, check_field_word, controls_from, is_file, white
 
 _BATCH = 8
 """Outputs made together: more gain little and hold more memory."""
@@ -289,6 +289,9 @@ def changed_versions(path: Path) -> list[str]:
 
 
 def _read_inputs(job: Job) -> dict[str, Picture]:
+    for name in FIELDS:
+        if getattr(job, name) is not None:
+            check_field_word(name, getattr(job, name))
     paths = _paths(job)
     pictures = {name: read_picture(path) for name, path in paths.items()}
     for name, expected in (job.sha256 or {}).items():
