@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 from torchsynth import field as field
+from torchsynth import metrics as metrics
 from torchsynth import recipes as recipes
 from torchsynth.accept import Best
 from torchsynth.config import dump_recipe, load_recipe
@@ -54,6 +55,7 @@ __all__ = [
     "dump_recipe",
     "field",
     "load_recipe",
+    "metrics",
     "read_image",
     "recipes",
     "synthesize",
