@@ -11,9 +11,9 @@ from pydantic import ValidationError
 import torchsynth as ts
 
 SURFACE = [
-    "Anticausal", "Best", "Causal", "Coherence", "ConfigError", "Controls", "Exemplar", "Exhaustive", "InputError", "Layer", "Level",
+    "Anticausal", "Best", "Causal", "Codebook", "Coherence", "ConfigError", "Controls", "Exemplar", "Exhaustive", "InputError", "Layer", "Level",
     "Noise", "OutputError", "RandomSource", "Recipe", "Result", "Scanline", "Shuffle", "Simultaneous", "Square", "Sweep",
-    "TSVQ", "TorchsynthError", "dump_recipe", "field", "load_recipe", "metrics", "read_image", "recipes", "synthesize", "write_image",
+    "TSVQ", "TorchsynthError", "dump_recipe", "field", "load_recipe", "metrics", "read_image", "recipes", "synthesize", "train", "write_image",
 ]  # fmt: skip
 
 

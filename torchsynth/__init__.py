@@ -13,6 +13,7 @@ from torchsynth import field as field
 from torchsynth import metrics as metrics
 from torchsynth import recipes as recipes
 from torchsynth.accept import Best
+from torchsynth.codebook import Codebook
 from torchsynth.config import dump_recipe, load_recipe
 from torchsynth.controls import Controls
 from torchsynth.errors import ConfigError, InputError, OutputError, TorchsynthError
@@ -27,12 +28,14 @@ from torchsynth.search import TSVQ, Coherence, Exhaustive
 from torchsynth.sweep import Sweep
 from torchsynth.synthesis import synthesize
 from torchsynth.template import Anticausal, Causal, Square
+from torchsynth.training import train
 
 __all__ = [
     "TSVQ",
     "Anticausal",
     "Best",
     "Causal",
+    "Codebook",
     "Coherence",
     "ConfigError",
     "Controls",
@@ -59,5 +62,6 @@ __all__ = [
     "read_image",
     "recipes",
     "synthesize",
+    "train",
     "write_image",
 ]

@@ -1,11 +1,12 @@
-"""The command line: ``torchsynth synthesize``, ``recipes``, ``show``, ``schema``, ``samples``, ``rerun``."""
+"""The command line: ``torchsynth synthesize``, ``train``, ``recipes``, ``show``, ``schema``, ``samples``, ``rerun``."""
 
 from __future__ import annotations
 
 import json
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +15,7 @@ import typer
 
 from torchsynth import config, jobs
 from torchsynth.errors import ConfigError, InputError, TorchsynthError
-from torchsynth.progress import progress_bar
+from torchsynth.progress import progress_bar, training_bar
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES, with_target
 from torchsynth.samples import PREFIX, SAMPLES
@@ -30,6 +31,16 @@ app = typer.Typer(
 _MOST = 10_000
 
 Overwrite = Annotated[bool, typer.Option(help="Replace files that are there already.")]
+Config = Annotated[Path | None, typer.Option("--config", help="A recipe from a YAML file.")]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Change one value of the recipe, e.g. levels=3 or sweeps[0].layers[0].template.size=7.",
+    ),
+]
+Valid = Annotated[str | None, typer.Option(metavar="FILE", help="Sample only where this picture is white.")]
 Output = Annotated[
     Path, typer.Option("-o", "--output", help="The picture to write: .png, .tif, .bmp, .webp or .jpg.")
 ]
@@ -45,15 +56,8 @@ def synthesize(
             help="A recipe by name; see 'torchsynth recipes'. [default: wei_levoy]", show_default=False
         ),
     ] = None,
-    config_file: Annotated[Path | None, typer.Option("--config", help="A recipe from a YAML file.")] = None,
-    changes: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Change one value of the recipe, e.g. levels=3 or sweeps[0].layers[0].template.size=7.",
-        ),
-    ] = None,
+    config_file: Config = None,
+    changes: Changes = None,
     size: Annotated[
         str | None,
         typer.Option(
@@ -64,9 +68,7 @@ def synthesize(
     ] = None,
     seed: Annotated[int, typer.Option(help="Which texture of the many possible ones.")] = 0,
     count: Annotated[int, typer.Option(help="How many outputs; their seeds are SEED, SEED + 1, ...")] = 1,
-    valid: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Sample only where this picture is white.")
-    ] = None,
+    valid: Valid = None,
     initial: Annotated[
         str | None, typer.Option(metavar="FILE", help="Start from this picture instead of noise.")
     ] = None,
@@ -109,6 +111,12 @@ def synthesize(
             help="Also draw: patches (their boundaries), sources (where pixels come from), field.",
         ),
     ] = None,
+    codebook: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Use what 'torchsynth train' trained. [default recipe: wei_levoy_tsvq]"
+        ),
+    ] = None,
     levels_dir: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Also write every pyramid level here.")
     ] = None,
@@ -122,14 +130,12 @@ def synthesize(
     Beside OUT.png a record OUT.json is written; 'torchsynth rerun OUT.json' makes the same bytes again.
     With --count N the files are OUT-0.png to OUT-(N-1).png.
     """
-    if recipe is not None and config_file is not None:
-        raise ConfigError("--recipe and --config", "only one of them can be given", "both are", "drop one")
     if not 1 <= count <= _MOST:
         raise InputError(
             "--count", f"must be from 1 to {_MOST}", f"it is {count}", "choose a number between them"
         )
     usual = "wei_levoy" if target is None else "ashikhmin_target"
-    chosen = config.load_recipe(config_file or recipe or usual, changes or ())
+    chosen = _chosen(recipe, config_file, changes, usual if codebook is None else "wei_levoy_tsvq")
     job = jobs.Job(
         exemplar=exemplar,
         recipe=_adapted(chosen, target is not None, passes, blur_seams),
@@ -141,6 +147,7 @@ def synthesize(
         target_region=target_region,
         angle=angle,
         scale=scale,
+        codebook=codebook,
     )
     files = jobs.Files(output, levels_dir, source_map, overwrite, _figures(figure or ()))
     _run(job, files)
@@ -157,6 +164,31 @@ def rerun(
     for change in jobs.changed_versions(record):
         typer.echo(f"note: the record was made with {change}; the bytes may differ", err=True)
     _run(job, jobs.Files(output, None, None, overwrite))
+
+
+@app.command()
+def train(
+    exemplar: Annotated[str, typer.Argument(help="The sample picture, or sample:NAME for a built-in one.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The codebook to write: a .safetensors file.")
+    ],
+    recipe: Annotated[
+        str | None,
+        typer.Option(
+            help="A recipe by name that searches with trees. [default: wei_levoy_tsvq]", show_default=False
+        ),
+    ] = None,
+    config_file: Config = None,
+    changes: Changes = None,
+    valid: Valid = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Train the trees for an exemplar once, for 'torchsynth synthesize --codebook'."""
+    chosen = _chosen(recipe, config_file, changes, "wei_levoy_tsvq")
+    job = jobs.Job(exemplar, chosen, None, (), valid=valid)
+    with _cancellable(), training_bar() as progress:
+        written = jobs.run_training(job, output, overwrite=overwrite, progress=progress)
+    typer.echo(written)
 
 
 @app.command()
@@ -230,6 +262,13 @@ def _fail(message: str) -> int:
     return 2
 
 
+def _chosen(recipe: str | None, file: Path | None, changes: list[str] | None, usual: str) -> Recipe:
+    """The recipe that was asked for, or the usual one, with the changes that were asked for."""
+    if recipe is not None and file is not None:
+        raise ConfigError("--recipe and --config", "only one of them can be given", "both are", "drop one")
+    return config.load_recipe(file or recipe or usual, changes or ())
+
+
 def _adapted(recipe: Recipe, has_target: bool, passes: int | None, blur_seams: int | None) -> Recipe:
     """The recipe with what the options of the command line ask of it."""
     if passes is not None and not has_target:
@@ -260,13 +299,19 @@ def _figures(wanted: Sequence[str]) -> dict[str, Path]:
 
 
 def _run(job: jobs.Job, files: jobs.Files) -> None:
-    try:
-        with progress_bar() as progress:
-            written = jobs.run(job, files, progress)
-    except KeyboardInterrupt:
-        raise typer.Exit(_fail("cancelled: no unfinished file was left behind")) from None
+    with _cancellable(), progress_bar() as progress:
+        written = jobs.run(job, files, progress)
     for path in written:
         typer.echo(path)
+
+
+@contextmanager
+def _cancellable() -> Iterator[None]:
+    """Ctrl-C ends the work with one line and exit code 2."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise typer.Exit(_fail("cancelled: no unfinished file was left behind")) from None
 
 
 def _list(rows: dict[str, str]) -> None:

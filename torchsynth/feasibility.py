@@ -120,6 +120,24 @@ def check_memory(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> N
         )  # fmt: skip
 
 
+def check_training_memory(recipe: Recipe, samples: Image) -> None:
+    """What training holds in memory at once must fit this machine.
+
+    Raises:
+        InputError: If it does not; the message says what it would take.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> check_training_memory(recipes.wei_levoy_tsvq(), torch.rand(1, 1, 32, 32))
+    """
+    needed, available = memory_needed(recipe, samples, (1, 1), 1), _machine_memory()
+    if needed > available:
+        raise InputError(
+            "exemplar", f"training on it must fit the {_gibibytes(available)} of memory of this machine",
+            f"it would take about {_gibibytes(needed)}", "use a smaller exemplar or neighborhood",
+        )  # fmt: skip
+
+
 def outputs_that_fit(recipe: Recipe, samples: Image, size: Shape, wanted: int) -> int:
     """How many outputs this machine's memory holds at once: at most as many as wanted, at least one.
 

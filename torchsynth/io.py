@@ -204,7 +204,7 @@ def check_writable(path: Path, *, overwrite: bool) -> None:
         temporary.touch()
     except OSError as error:
         raise OutputError(
-            str(path), "its folder must exist and be writable", f"{path.parent}: {_reason(error)}",
+            str(path), "its folder must exist and be writable", f"{path.parent}: {reason(error)}",
             "create the folder, or choose another place",
         ) from None  # fmt: skip
     finally:
@@ -271,7 +271,7 @@ def _reporting(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OutputError(
-            str(path), "must be written completely", _reason(error),
+            str(path), "must be written completely", reason(error),
             "free some space or choose another place; no unfinished file was left",
         ) from None  # fmt: skip
 
@@ -281,7 +281,7 @@ def _read_bytes(path: str | Path) -> bytes:
         data = (sample_path(str(path)) or Path(path)).read_bytes()
     except OSError as error:
         raise InputError(
-            str(path), "must be a readable image file", _reason(error), "check the path"
+            str(path), "must be a readable image file", reason(error), "check the path"
         ) from None
     if not data:
         raise InputError(str(path), "must be an image", "the file is empty", "check the path")
@@ -292,8 +292,13 @@ def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
-def _reason(error: OSError) -> str:
-    """Why the system refused, in its own words."""
+def reason(error: OSError) -> str:
+    """Why the system refused, in its own words.
+
+    Example:
+        >>> reason(FileNotFoundError(2, "No such file or directory"))
+        'the system says: no such file or directory'
+    """
     return f"the system says: {(error.strerror or str(error)).lower()}"
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import io
 import json
 import os
-import platform
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError, model_validator
 
 from torchsynth import checks, config
+from torchsynth.codebook import Codebook, check_savable
 from torchsynth.codecs import Depth
 from torchsynth.drawing import check_drawable, draw
 from torchsynth.errors import ConfigError, InputError, OutputError
@@ -35,12 +34,12 @@ from torchsynth.lattice import Shape
 from torchsynth.recipe import Recipe
 from torchsynth.result import Result
 from torchsynth.synthesis import Progress, synthesize
+from torchsynth.training import TrainingProgress, train
+from torchsynth.versions import versions
 from torchsynth.wishes import FIELDS, check_field_word, controls_from, is_file, white
 
 _BATCH = 8
 """Outputs made together: more gain little and hold more memory."""
-
-_LIBRARIES = ("torchsynth-textures", "torch", "kornia", "numpy")
 
 
 @dataclass(frozen=True)
@@ -58,6 +57,7 @@ class Job:
         target_region: Path of a picture that is white where the target was painted.
         angle: By how much the texture is turned: degrees, a maker such as ``swirl:180``, or a path.
         scale: By how much it is enlarged: a factor, a maker such as ``zoom:0.5,2``, or a path.
+        codebook: Path of a codebook that was trained for this exemplar and recipe.
         sha256: What each of these files has to hash to, where that is known.
     """
 
@@ -71,6 +71,7 @@ class Job:
     target_region: str | None = None
     angle: str | None = None
     scale: str | None = None
+    codebook: str | None = None
     sha256: dict[str, str] | None = None
 
 
@@ -105,7 +106,7 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
         InputError: If an input cannot be used.
         OutputError: If a file cannot be written, or exists; checked before the work starts.
     """
-    inputs = _read_inputs(job)
+    inputs, codebook = _read_inputs(job)
     exemplar = inputs["exemplar"]
     size = checks.check_size(job.size or _usual_size(inputs))
     checks.check_seeds(job.seeds, None)
@@ -119,16 +120,37 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
     batch = outputs_that_fit(job.recipe, sample.samples, size, min(_BATCH, len(job.seeds)))
     for start in range(0, len(job.seeds), batch):
         seeds = job.seeds[start : start + batch]
-        result = synthesize(sample, size, job.recipe, controls=controls, seed=seeds, progress=progress)
+        result = synthesize(
+            sample, size, job.recipe, controls=controls, seed=seeds, codebook=codebook, progress=progress
+        )
         with staging() as put:
             for item, target in enumerate(targets[start : start + batch]):
                 _put_output(put, result, item, exemplar.depth, target)
                 for kind, path in target.figures.items():
                     drawing = draw(kind, result, controls)[item]
                     put(path, encode_image(drawing, path, "8-bit"))
-                record = _record(job, inputs, size, seeds[item])
+                record = _record(job, _digests(inputs, codebook), size, seeds[item])
                 put(target.record, json.dumps(record, indent=2).encode())
     return [target.picture for target in targets]
+
+
+def run_training(
+    job: Job, output: Path, *, overwrite: bool, progress: TrainingProgress | None = None
+) -> Path:
+    """Train the codebook for a job's exemplar and recipe, and write it, whole or not at all.
+
+    Returns:
+        The file that was written.
+
+    Raises:
+        InputError: If an input cannot be used.
+        OutputError: If the file cannot be written, or exists; checked before the work starts.
+    """
+    inputs, _ = _read_inputs(job)
+    _check_distinct(_paths(job).values(), [output])
+    check_savable(output, overwrite=overwrite)
+    codebook = train(_sample(inputs), job.recipe, progress=progress)
+    return codebook.save(output, overwrite=overwrite)
 
 
 def parse_size(text: str) -> Shape:
@@ -178,6 +200,7 @@ def load_record(path: Path) -> Job:
         target_region=paths.get("target_region"),
         angle=paths.get("angle", record.fields.get("angle")),
         scale=paths.get("scale", record.fields.get("scale")),
+        codebook=paths.get("codebook"),
         sha256={name: one.sha256 for name, one in record.inputs.items()},
     )
 
@@ -193,7 +216,10 @@ class _Record(BaseModel):
     recipe: dict[str, Any]
     size: tuple[int, int]
     seed: int
-    inputs: dict[Literal["exemplar", "valid", "initial", "target", "target_region", "angle", "scale"], _Input]
+    inputs: dict[
+        Literal["exemplar", "valid", "initial", "target", "target_region", "angle", "scale", "codebook"],
+        _Input,
+    ]
     fields: dict[Literal["angle", "scale"], str] = {}
 
     @model_validator(mode="after")
@@ -280,7 +306,7 @@ def changed_versions(path: Path) -> list[str]:
     load_record(path)
     recorded = json.loads(path.read_text(encoding="utf-8")).get("versions")
     recorded = recorded if isinstance(recorded, dict) else {}
-    now = _versions()
+    now = versions()
     return [
         f"{name} {recorded.get(name, 'unknown')}, now {now[name]}"
         for name in now
@@ -288,20 +314,31 @@ def changed_versions(path: Path) -> list[str]:
     ]
 
 
-def _read_inputs(job: Job) -> dict[str, Picture]:
+def _read_inputs(job: Job) -> tuple[dict[str, Picture], Codebook | None]:
+    """The pictures by what they are for, and the codebook if there is one."""
     for name in FIELDS:
         if getattr(job, name) is not None:
             check_field_word(name, getattr(job, name))
     paths = _paths(job)
-    pictures = {name: read_picture(path) for name, path in paths.items()}
+    pictures = {name: read_picture(path) for name, path in paths.items() if name != "codebook"}
+    codebook = None if job.codebook is None else Codebook.load(job.codebook)
+    digests = _digests(pictures, codebook)
     for name, expected in (job.sha256 or {}).items():
-        if pictures[name].sha256 != expected:
+        if digests[name] != expected:
             raise InputError(
                 paths[name], f"must be the file the record was made with (SHA-256 {expected[:12]}...)",
-                f"its SHA-256 is {pictures[name].sha256[:12]}...",
+                f"its SHA-256 is {digests[name][:12]}...",
                 "restore the file, or use 'torchsynth synthesize' for the new one",
             )  # fmt: skip
-    return pictures
+    return pictures, codebook
+
+
+def _digests(pictures: dict[str, Picture], codebook: Codebook | None) -> dict[str, str]:
+    """The SHA-256 of every input file."""
+    digests = {name: picture.sha256 for name, picture in pictures.items()}
+    if codebook is not None and codebook.sha256 is not None:
+        digests["codebook"] = codebook.sha256
+    return digests
 
 
 def _sample(inputs: dict[str, Picture]) -> Exemplar:
@@ -341,26 +378,20 @@ def _put_output(put: Put, result: Result, item: int, depth: Depth, targets: _Tar
         put(path, encode_image(picture, path, "8-bit" if depth == "1-bit" else depth))
 
 
-def _record(job: Job, inputs: dict[str, Picture], size: Shape, seed: int) -> dict[str, Any]:
-    digests = {name: picture.sha256 for name, picture in inputs.items()}
+def _record(job: Job, digests: dict[str, str], size: Shape, seed: int) -> dict[str, Any]:
     return {
         "recipe": job.recipe.model_dump(mode="json", exclude_none=True),
         "size": list(size),
         "seed": seed,
         **({"fields": _words(job)} if _words(job) else {}),
         "inputs": {name: {"path": path, "sha256": digests[name]} for name, path in _paths(job).items()},
-        "versions": _versions(),
+        "versions": versions(),
     }
-
-
-def _versions() -> dict[str, str]:
-    """What has to be the same for the same bytes."""
-    return {name: version(name) for name in _LIBRARIES} | {"python": platform.python_version()}
 
 
 def _paths(job: Job) -> dict[str, str]:
     """The input files by what they are for."""
-    names = ("exemplar", "valid", "initial", "target", "target_region", *FIELDS)
+    names = ("exemplar", "valid", "initial", "target", "target_region", "codebook", *FIELDS)
     paths = {name: getattr(job, name) for name in names if getattr(job, name) is not None}
     return {name: path for name, path in paths.items() if name not in _words(job)}
 

@@ -17,11 +17,40 @@ from rich.progress import (
 
 from torchsynth import synthesis
 from torchsynth._typing import Image
+from torchsynth.training import TrainingProgress
 
 
 @contextmanager
 def progress_bar() -> Iterator[synthesis.Progress | None]:
     """A callback that draws level, done / total and time left on a terminal; None elsewhere."""
+    with _bar() as draw:
+        if draw is None:
+            yield None
+            return
+
+        def show(level: int, sweep: int, done: int, total: int, _preview: Callable[[], Image]) -> None:
+            draw(f"level {level} sweep {sweep + 1}", done, total)
+
+        yield show
+
+
+@contextmanager
+def training_bar() -> Iterator[TrainingProgress | None]:
+    """The same for training, which goes by the exemplar's pixels."""
+    with _bar() as draw:
+        if draw is None:
+            yield None
+            return
+
+        def show(level: int, done: int, total: int) -> None:
+            draw(f"training level {level}", done, total)
+
+        yield show
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[str, int, int], None] | None]:
+    """What draws a description, done / total and time left on a terminal; None elsewhere."""
     if not sys.stderr.isatty():  # rich itself also draws where FORCE_COLOR is set
         yield None
         return
@@ -35,7 +64,7 @@ def progress_bar() -> Iterator[synthesis.Progress | None]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("preparing", total=None)
 
-        def show(level: int, sweep: int, done: int, total: int, _preview: Callable[[], Image]) -> None:
-            bar.update(task, description=f"level {level} sweep {sweep + 1}", completed=done, total=total)
+        def draw(description: str, done: int, total: int) -> None:
+            bar.update(task, description=description, completed=done, total=total)
 
-        yield show
+        yield draw

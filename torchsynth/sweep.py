@@ -29,7 +29,7 @@ from torchsynth.neighborhood import (
 from torchsynth.part import Part
 from torchsynth.schedule import Order, Reach, Scanline, Schedule, schedule
 from torchsynth.schedule import Rows as Span
-from torchsynth.search import Exhaustive, Offers, Query, Search, chance, scatter_draws, spare
+from torchsynth.search import TSVQ, Exhaustive, Offers, Query, Search, Tree, chance, scatter_draws, spare
 from torchsynth.template import Template
 
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
@@ -103,15 +103,29 @@ class Fitted:
     state: Any
 
     @classmethod
-    def to(cls, sweep: Sweep, level: int, canvases: Sequence[Canvas], exemplar: Sequence[Plane]) -> Fitted:
-        """Fit a sweep's searcher to the exemplar's planes, at one level of so many canvases."""
+    def to(
+        cls,
+        sweep: Sweep,
+        level: int,
+        canvases: Sequence[Canvas],
+        exemplar: Sequence[Plane],
+        tree: Tree | None = None,
+    ) -> Fitted:
+        """Fit a sweep's searcher to the exemplar's planes, at one level of so many canvases.
+
+        A tree that was trained for just this is used in place of training one.
+        """
         layers = layers_at(sweep.layers, level, len(canvases))
         index = gather_candidates(layers, layer_weights(layers, sweep.normalize), exemplar, level)
         complete = sweep.unknown == "read" and all(
             plane.boundary == "torus" and plane.valid is None
             for plane in (_plane(layer, level, canvases) for layer in layers)
         )
-        state = sweep.search.fit(index, complete)
+        state: Any
+        if tree is not None and isinstance(sweep.search, TSVQ):
+            state = sweep.search.prepare(index, tree)
+        else:
+            state = sweep.search.fit(index, complete)
         return cls(sweep, layers, index.sites, index.weights.to(index.features.dtype), state)
 
     def serves(self, sweep: Sweep) -> bool:

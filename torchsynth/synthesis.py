@@ -14,6 +14,7 @@ from torch import Tensor
 from torchsynth import checks, field
 from torchsynth._typing import Frames, Image
 from torchsynth.canvas import Canvas
+from torchsynth.codebook import Codebook
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
@@ -46,6 +47,7 @@ def synthesize(
     *,
     controls: Controls | None = None,
     seed: int | Sequence[int] = 0,
+    codebook: Codebook | None = None,
     progress: Progress | None = None,
 ) -> Result:
     """Make new texture that looks like the exemplar.
@@ -60,6 +62,8 @@ def synthesize(
         seed: One whole number, or one for each output. The same seed, recipe, exemplar and versions
             give the same bytes, alone or in a batch, on any number of threads. With a batch of
             exemplars, one number stands for ``seed, seed + 1, ...``.
+        codebook: Trees that :func:`torchsynth.train` trained for this exemplar and recipe, used in place
+            of training them: the same bytes, sooner.
         progress: Called now and then as ``progress(level, sweep, done, total, preview)``; see
             :data:`Progress`.
 
@@ -81,6 +85,8 @@ def synthesize(
     """
     checks.check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.wei_levoy()")
     checks.check_type(controls or Controls(), Controls, "controls", "pass torchsynth.Controls(...)")
+    if codebook is not None:
+        checks.check_type(codebook, Codebook, "codebook", "pass torchsynth.Codebook.load(file)")
     exemplar = exemplar if isinstance(exemplar, Exemplar) else Exemplar(exemplar)
     controls = controls or Controls()
     samples = exemplar.samples
@@ -94,8 +100,10 @@ def synthesize(
     check_rows(recipe, size)
 
     images = exemplar.images(recipe.levels)
-    planes = _exemplar_planes(exemplar, images, matching_dtype(recipe, samples.shape[1]))
+    planes = exemplar_planes(exemplar, images, matching_dtype(recipe, samples.shape[1]))
     check_candidates(recipe, planes)
+    if codebook is not None:
+        codebook.check(exemplar, recipe, planes)
 
     generators = [torch.Generator().manual_seed(one) for one in seeds]
     if initial is None:
@@ -108,8 +116,8 @@ def synthesize(
     for start, image, plane, level_target in zip(starts, images, planes, targets, strict=True):
         frames = _frames(controls, (start.shape[2], start.shape[3]), device)
         canvases.append(Canvas.blank(start, image, plane, recipe.boundary, level_target, frames))
-    with _exact_arithmetic(samples.device.type):
-        begun = _run(recipe, canvases, planes, generators, initial is None, progress)
+    with exact_arithmetic(samples.device.type):
+        begun = _run(recipe, canvases, planes, generators, initial is None, codebook, progress)
     levels = list(map(_finished, canvases, begun))
     if recipe.blur_seams is not None:
         levels[0] = _with_blurred_seams(levels[0], recipe.blur_seams, recipe.boundary)
@@ -117,8 +125,14 @@ def synthesize(
 
 
 @contextmanager
-def _exact_arithmetic(device: str) -> Iterator[None]:
-    """Keep the caller's settings from making products of whole numbers inexact."""
+def exact_arithmetic(device: str) -> Iterator[None]:
+    """Keep the caller's settings from making products of whole numbers inexact.
+
+    Example:
+        >>> with exact_arithmetic("cpu"):
+        ...     torch.get_float32_matmul_precision()
+        'highest'
+    """
     precision = torch.get_float32_matmul_precision()
     torch.set_float32_matmul_precision("highest")
     try:
@@ -134,6 +148,7 @@ def _run(
     planes: Sequence[Plane],
     generators: Sequence[torch.Generator],
     sown: bool,
+    codebook: Codebook | None,
     progress: Progress | None,
 ) -> list[Image]:
     """All sweeps of all levels, coarse to fine; returns the picture each level started from."""
@@ -150,7 +165,8 @@ def _run(
         canvas = canvases[level]
         if number == 0 or fitted is None or not fitted.serves(sweep):
             fitted = None  # before the next one takes its memory
-            fitted = Fitted.to(sweep, level, canvases, planes)
+            tree = None if codebook is None else codebook.tree(sweep, level, recipe.levels)
+            fitted = Fitted.to(sweep, level, canvases, planes, tree)
         fitted = replace(fitted, sweep=sweep)
         if number == 0 and sown:
             coarser = canvases[level + 1] if level + 1 < recipe.levels else None
@@ -169,8 +185,14 @@ def _run(
     return begun
 
 
-def _exemplar_planes(exemplar: Exemplar, images: Sequence[Image], dtype: torch.dtype) -> tuple[Plane, ...]:
-    """The matching side of each level of the exemplar; it never wraps around."""
+def exemplar_planes(exemplar: Exemplar, images: Sequence[Image], dtype: torch.dtype) -> tuple[Plane, ...]:
+    """The matching side of each level of the exemplar; it never wraps around.
+
+    Example:
+        >>> exemplar = Exemplar(torch.rand(1, 8, 6))
+        >>> [plane.shape for plane in exemplar_planes(exemplar, exemplar.images(2), torch.float32)]
+        [(8, 6), (4, 3)]
+    """
     regions = exemplar.valid_regions(len(images))
     return tuple(
         Plane(quantize(image, dtype), (image.shape[2], image.shape[3]), "open", valid)

@@ -9,7 +9,7 @@ from pydantic import Field
 from torchsynth.search.base import Costs, Offers, Proposals, Query, chance, scatter_draws, spare
 from torchsynth.search.coherence import Coherence, CoherenceState
 from torchsynth.search.exhaustive import Exhaustive, ExhaustiveState
-from torchsynth.search.tsvq import TSVQ, TSVQState
+from torchsynth.search.tsvq import TSVQ, Tree, TSVQState
 
 Search: TypeAlias = Annotated[Exhaustive | TSVQ | Coherence, Field(discriminator="kind")]
 """Any searcher; the ``kind`` field tells them apart in YAML."""
@@ -26,6 +26,7 @@ __all__ = [
     "Query",
     "Search",
     "TSVQState",
+    "Tree",
     "chance",
     "scatter_draws",
     "spare",

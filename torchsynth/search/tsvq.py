@@ -24,6 +24,8 @@ from torchsynth.search.base import MEMORY_BUDGET, Proposals, Query
 
 # Lloyd's iteration always ends, but nothing is gained by the last of many rounds.
 _MOST_ROUNDS = 100
+# Down to this depth a tree takes little memory beside the vectors it was trained on.
+_SHALLOW = 10
 # Vectors handled at once while training: bounds memory, not the result.
 _CHUNK = 1 << 14
 
@@ -47,6 +49,17 @@ class Tree:
     starts: Int64[Tensor, " nodes"]
     counts: Int64[Tensor, " nodes"]
     depth: int
+
+    def beside(self, vectors: Tensor) -> Tree:
+        """The tree on the device of some vectors, its centroids in their dtype."""
+        return replace(
+            self,
+            centroids=self.centroids.to(vectors),
+            children=self.children.to(vectors.device),
+            members=self.members.to(vectors.device),
+            starts=self.starts.to(vectors.device),
+            counts=self.counts.to(vectors.device),
+        )
 
 
 @dataclass(frozen=True)
@@ -114,27 +127,37 @@ class TSVQ(Part):
         """No sources: the neighbors' values are enough."""
 
     def fit(self, index: Index, complete: bool) -> TSVQState:  # noqa: ARG002 (the descent handles both)
-        """Grow the tree.
+        """Grow the tree, and prepare to search it.
 
         Args:
             index: The candidates.
             complete: Not needed here.
         """
+        return self.prepare(index, self.grow(index))
+
+    def grow(self, index: Index) -> Tree:
+        """Train the tree: the part of fitting that takes long, and that a codebook keeps."""
         vectors = index.features.flatten(0, 1)
         weights = index.weights.to(vectors.dtype)
-        tree = _grow(vectors, weights, len(index.features), self)
-        tree = replace(tree, centroids=tree.centroids.to(vectors.dtype))
+        tree = _grow(vectors, weights, len(index.features), self).beside(vectors)
+        return _only_central(tree, vectors, weights) if self.leaf == "central" else tree
+
+    def prepare(self, index: Index, tree: Tree) -> TSVQState:
+        """Make a tree of these candidates ready to be searched."""
+        vectors = index.features.flatten(0, 1)
+        weights = index.weights.to(vectors.dtype)
+        tree = tree.beside(vectors)
         leaves = tree.children < 0
-        if self.leaf == "central":
-            tree = _only_central(tree, vectors, weights)
         first = tree.children.clamp(min=0)
         toward, limit = _bisector(tree.centroids[first], tree.centroids[(first + 1) * ~leaves], weights)
         largest = int(tree.counts[leaves].max())
         return TSVQState(tree, vectors, weights, toward, limit, len(index.features), largest)
 
     def copies(self, complete: bool) -> int:  # noqa: ARG002 (the descent handles both)
-        """How much memory training takes, in sizes of the candidates' vectors."""
-        return 6
+        """How much memory training takes, in sizes of the candidates' vectors; searching takes less."""
+        # A deep tree has up to two nodes for each vector, and their centroids grow in float64.
+        shallow = self.depth <= _SHALLOW or (self.codewords or 2**31) <= 2**_SHALLOW
+        return 6 if shallow else 16
 
     def capacity(self, state: TSVQState) -> int:
         """How many queries fit the memory budget: at least one."""

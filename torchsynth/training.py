@@ -1,0 +1,81 @@
+"""Training: the trees of a recipe, grown for an exemplar ahead of any synthesis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TypeAlias
+
+import torch
+from torch import Tensor
+
+from torchsynth import checks
+from torchsynth.codebook import Codebook, PackedTree, digest, trainings
+from torchsynth.errors import InputError
+from torchsynth.exemplar import Exemplar
+from torchsynth.feasibility import check_candidates, check_training_memory, matching_dtype
+from torchsynth.neighborhood import gather_candidates
+from torchsynth.recipe import Recipe
+from torchsynth.synthesis import exact_arithmetic, exemplar_planes
+
+TrainingProgress: TypeAlias = Callable[[int, int, int], None]
+"""``(level, done, total)``: the level whose tree is next or was last trained, and how many exemplar pixels,
+counted over all trees, are done and how many there are. An exception raised in it cancels the training
+and reaches the caller."""
+
+
+@torch.no_grad()
+def train(
+    exemplar: Tensor | Exemplar, recipe: Recipe, *, progress: TrainingProgress | None = None
+) -> Codebook:
+    """Train the trees that a recipe searches, to use them in many syntheses.
+
+    Args:
+        exemplar: As for :func:`torchsynth.synthesize`.
+        recipe: One with at least one search of kind ``tsvq``. The codebook serves every recipe that
+            compares the same neighbors and grows the same trees at the same levels, whatever its beam,
+            order, start and boundary.
+        progress: Called before and after each tree as ``progress(level, done, total)``; see
+            :data:`TrainingProgress`.
+
+    Returns:
+        The trees of all levels; see :class:`torchsynth.Codebook`.
+
+    Raises:
+        InputError: If anything is wrong with the input, before any work.
+
+    Source:
+        Wei & Levoy 2000, section 4.
+
+    Example:
+        >>> import torchsynth as ts
+        >>> codebook = ts.train(torch.rand(1, 16, 16), ts.recipes.wei_levoy_tsvq(levels=2, neighborhood=5))
+        >>> len(codebook.trees)
+        2
+    """
+    checks.check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.wei_levoy_tsvq()")
+    exemplar = exemplar if isinstance(exemplar, Exemplar) else Exemplar(exemplar)
+    needed = trainings(recipe)
+    if not needed:
+        raise InputError(
+            "recipe", "must search with trees to be trained", f"{recipe.name!r} has no tsvq search",
+            "use e.g. torchsynth.recipes.wei_levoy_tsvq()",
+        )  # fmt: skip
+    samples = exemplar.samples
+    check_training_memory(recipe, samples)
+    dtype = matching_dtype(recipe, samples.shape[1])
+    planes = exemplar_planes(exemplar, exemplar.images(recipe.levels), dtype)
+    check_candidates(recipe, planes)
+
+    total = sum(math.prod(planes[training.level].shape) for training in needed)
+    done, trees = 0, {}
+    for training in needed:
+        if progress is not None:
+            progress(training.level, done, total)
+        with exact_arithmetic(samples.device.type):
+            index = gather_candidates(training.layers, training.weights, planes, training.level)
+            trees[training] = PackedTree.of(training.search.grow(index))
+        done += math.prod(planes[training.level].shape)
+    if progress is not None:
+        progress(needed[-1].level, done, total)
+    return Codebook(digest(exemplar), trees)
