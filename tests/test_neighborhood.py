@@ -88,7 +88,11 @@ def test_both_sides_agree_where_the_output_is_the_exemplar():
     for boundary in ("open", "torus"):
         output = [Plane(plane.values, plane.shape, boundary) for plane in planes]
         found = [
-            gather(output[layer.steps_up], reads_of(layer, output[layer.steps_up], cells, None).positions)
+            gather(
+                output[layer.steps_up],
+                reads_of(layer, output[layer.steps_up], cells, None).positions.flatten(),
+                len(cells),
+            )
             for layer in layers
         ]
         assert torch.cat(found, 2).equal(index.features)

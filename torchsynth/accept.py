@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import torch
 from jaxtyping import Float
@@ -13,8 +12,7 @@ from torchsynth._typing import Rows
 from torchsynth.part import Part
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(NamedTuple):
     """The accepted candidate of each query: its place among the proposed, and what it costs."""
 
     place: Rows
@@ -34,7 +32,7 @@ class Best(Part):
 
     kind: Literal["best"] = "best"
 
-    def choose(self, cost: Float[Tensor, "batch sites blocks columns"]) -> Choice:
+    def choose(self, cost: Float[Tensor, "batch sites *places"]) -> Choice:
         """Choose one candidate for each query."""
         return first_minimum(cost)
 
@@ -43,16 +41,16 @@ Accept: TypeAlias = Best
 """Any acceptance; the ``kind`` field tells them apart in YAML."""
 
 
-def first_minimum(cost: Float[Tensor, "batch sites blocks columns"]) -> Choice:
+def first_minimum(cost: Float[Tensor, "batch sites *places"]) -> Choice:
     """The smallest cost of each query and its first place, counted through the blocks.
 
     ``argmin`` along a row of many thousands is slow on a CPU, plain minima are not: so the minima of
     blocks are taken, then the first block that has the smallest, then the first column in it.
     """
-    batch, sites, blocks, columns = cost.shape
-    if blocks == 1:
-        smallest, place = cost.squeeze(2).min(2)
+    if cost.ndim == 3 or cost.shape[2] == 1:
+        smallest, place = cost.flatten(2).min(2)
         return Choice(place, smallest)
+    batch, sites, _, columns = cost.shape
     flat = cost.flatten(0, 1)
     block = flat.amin(2).argmin(1)
     inside = flat.gather(1, block.view(-1, 1, 1).expand(-1, 1, columns)).squeeze(1)

@@ -83,9 +83,7 @@ def synthesize(
     ] = None,
     passes: Annotated[
         int | None,
-        typer.Option(
-            help="How often to go over the output: more follow the target more closely.", min=1, max=20
-        ),
+        typer.Option(help="How often to go over the output, 1 to 20: more follow the target more closely."),
     ] = None,
     angle: Annotated[
         str | None,
@@ -278,7 +276,7 @@ def _adapted(recipe: Recipe, has_target: bool, passes: int | None, blur_seams: i
             "--passes", "must come with a target to follow", "there is none", "give --target as well"
         )
     if has_target and (passes is not None or not recipe.follows_target):
-        recipe = with_target(recipe, passes=passes or 1)
+        recipe = with_target(recipe, passes=1 if passes is None else passes)
     if blur_seams is not None:
         recipe = config.parse_recipe(
             recipe.model_dump(mode="json", exclude_none=True) | {"blur_seams": blur_seams}, "--blur-seams"

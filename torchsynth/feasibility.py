@@ -15,6 +15,7 @@ from torchsynth.lattice import Shape
 from torchsynth.neighborhood import Layer, Plane, candidates, layer_weights, layers_at
 from torchsynth.pyramid import level_shapes
 from torchsynth.recipe import Recipe
+from torchsynth.schedule import visited_rows
 from torchsynth.search.base import MEMORY_BUDGET
 from torchsynth.sweep import GROUP, Sweep
 
@@ -95,7 +96,7 @@ def check_rows(recipe: Recipe, size: Shape) -> None:
     for level, (height, _) in enumerate(level_shapes(size, recipe.levels)):
         visited = torch.zeros(height, dtype=torch.bool)
         for sweep in recipe.sweeps_at(level):
-            visited[slice(*(sweep.rows or (None,)))] = True
+            visited[visited_rows(sweep.rows, height)] = True
         if not bool(visited.all()):
             row = int((~visited).nonzero()[0])
             raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import torch
 from pydantic import Field
@@ -31,6 +31,9 @@ class Noise(Part):
     """
 
     kind: Literal["noise"] = "noise"
+
+    inherits: ClassVar[bool] = False
+    """Whether levels begin with what is known from the coarser one."""
 
     def start(
         self,
@@ -82,6 +85,9 @@ class RandomSource(Part):
     """
 
     kind: Literal["random_source"] = "random_source"
+
+    inherits: ClassVar[bool] = True
+    """Whether levels begin with what is known from the coarser one."""
 
     def start(
         self,

@@ -36,7 +36,7 @@ from torchsynth.result import Result
 from torchsynth.synthesis import Progress, synthesize
 from torchsynth.training import TrainingProgress, train
 from torchsynth.versions import versions
-from torchsynth.wishes import FIELDS, controls_from, is_file, white
+from torchsynth.wishes import FIELDS, check_field_word, controls_from, is_file, white
 
 _BATCH = 8
 """Outputs made together: more gain little and hold more memory."""
@@ -316,6 +316,9 @@ def changed_versions(path: Path) -> list[str]:
 
 def _read_inputs(job: Job) -> tuple[dict[str, Picture], Codebook | None]:
     """The pictures by what they are for, and the codebook if there is one."""
+    for name in FIELDS:
+        if getattr(job, name) is not None:
+            check_field_word(name, getattr(job, name))
     paths = _paths(job)
     pictures = {name: read_picture(path) for name, path in paths.items() if name != "codebook"}
     codebook = None if job.codebook is None else Codebook.load(job.codebook)

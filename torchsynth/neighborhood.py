@@ -194,10 +194,16 @@ def output_plane(image: Image, dtype: torch.dtype, boundary: Boundary, valid: Re
     return Plane(values, (height, width), boundary, valid)
 
 
-def gather(plane: Plane, positions: Int64[Tensor, "sites neighbors"]) -> Features:
-    """Read neighborhoods from an output plane; what does not exist comes out as 0."""
-    found = plane.values.index_select(1, positions.view(-1))
-    return found.view(found.shape[0], positions.shape[0], -1)
+def gather(plane: Plane, positions: Int64[Tensor, " positions"], sites: int) -> Features:
+    """Read the neighborhoods of so many sites from an output plane.
+
+    Args:
+        plane: What to read.
+        positions: The positions of all their neighbors, site after site; the empty pixel gives zeros.
+        sites: How many there are.
+    """
+    found = plane.values.index_select(1, positions)
+    return found.view(found.shape[0], sites, -1)
 
 
 def reads_of(layer: Layer, plane: Plane, cells: Cells, frames: Frames | None) -> Reads:

@@ -10,6 +10,7 @@ from torchsynth.initial import Initial, Noise
 from torchsynth.lattice import Boundary
 from torchsynth.neighborhood import layers_at
 from torchsynth.part import Part
+from torchsynth.schedule import Simultaneous, goes_around
 from torchsynth.sweep import Sweep
 from torchsynth.template import Side
 
@@ -45,13 +46,17 @@ class Recipe(Part):
     @model_validator(mode="after")
     def _every_level_is_swept(self) -> Recipe:
         for sweep in self.sweeps:
-            beyond = [level for level in sweep.levels or () if level >= self.levels]
+            named = () if isinstance(sweep.levels, str) else sweep.levels or ()
+            beyond = [level for level in named if level >= self.levels]
             if beyond:
                 raise ValueError(
                     f"a sweep names level {beyond[0]}, but with {self.levels} levels the coarsest is "
                     f"{self.levels - 1}"
                 )
             self._check_layers(sweep)
+            self._check_sight(sweep)
+            if goes_around(sweep.rows) and self.boundary != "torus":
+                raise ValueError(f"rows {list(sweep.rows or ())} go around a torus, but the boundary is open")
         missing = set(range(self.levels)) - {
             level for sweep in self.sweeps for level in self.levels_of(sweep)
         }
@@ -75,6 +80,18 @@ class Recipe(Part):
                     f"the coarsest level, {self.levels - 1}, wherever its sweep runs"
                 )
 
+    def _check_sight(self, sweep: Sweep) -> None:
+        """The first sweep of a level that nothing is known of cannot skip all it does not know."""
+        blind = sweep.unknown == "skip" and isinstance(sweep.order, Simultaneous)
+        for level in self.levels_of(sweep) if blind else ():
+            inherits = self.initial.inherits and level < self.levels - 1
+            planes = {layer.plane for layer in layers_at(sweep.layers, level, self.levels)}
+            if planes == {"result"} and not inherits and self.sweeps_at(level)[0] is sweep:
+                raise ValueError(
+                    f"a level's first sweep sees something, but at level {level} it visits all pixels at "
+                    "once and skips those that are unknown: all of them; let it read them, or use another order"
+                )
+
     @property
     def follows_target(self) -> bool:
         """Whether any sweep compares a target."""
@@ -82,8 +99,8 @@ class Recipe(Part):
 
     def levels_of(self, sweep: Sweep) -> tuple[int, ...]:
         """The levels a sweep runs on, the finest first."""
-        return tuple(level for level in range(self.levels) if sweep.runs_at(level))
+        return tuple(level for level in range(self.levels) if sweep.runs_at(level, self.levels))
 
     def sweeps_at(self, level: int) -> tuple[Sweep, ...]:
         """The sweeps of a level, in order."""
-        return tuple(sweep for sweep in self.sweeps if sweep.runs_at(level))
+        return tuple(sweep for sweep in self.sweeps if sweep.runs_at(level, self.levels))

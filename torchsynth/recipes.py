@@ -147,8 +147,8 @@ def ashikhmin(
     """Ashikhmin's synthesis of natural textures: patches of the exemplar, grown pixel by pixel.
 
     How the paper's sections map to parts: the array of original positions (3) to ``RandomSource``; the
-    shifted candidates to ``Coherence``; the L-shape to one causal layer; tileability to two more sweeps,
-    over the last and over the first rows.
+    shifted candidates to ``Coherence``; the L-shape to one causal layer; tileability to one more sweep,
+    over the last rows and then once more over the first.
 
     Args:
         neighborhood: Side of the causal square in pixels, odd, 3 or more. Larger ones make larger
@@ -168,7 +168,7 @@ def ashikhmin(
 
     Example:
         >>> [sweep.rows for sweep in ashikhmin(neighborhood=5).sweeps]
-        [(0, -2), (-2, None), (0, 2)]
+        [(0, -2), (-2, 2)]
     """
     first = Sweep(
         layers=_causal_layers(neighborhood, None),
@@ -213,20 +213,20 @@ def ashikhmin_multires(
 
     Example:
         >>> [sweep.levels for sweep in ashikhmin_multires(levels=3).sweeps]
-        [(2,), (0, 1)]
+        ['coarsest', 'finer']
     """
     unknown: Literal["read", "skip"] = "read" if noise else "skip"
     coarsest = Sweep(
         layers=_causal_layers(neighborhood, None),
         search=Coherence(template=Causal(size=neighborhood)),
         unknown=unknown,
-        levels=(levels - 1,),
+        levels="coarsest",
     )
     finer = Sweep(
         layers=_causal_layers(neighborhood, parent),
         search=Coherence(template=Square(size=neighborhood)),
         unknown=unknown,
-        levels=tuple(range(levels - 1)) or None,
+        levels="finer",
     )
     return Recipe(
         name="ashikhmin_multires",
@@ -234,7 +234,7 @@ def ashikhmin_multires(
         levels=levels,
         boundary=boundary,
         initial=RandomSource(),
-        sweeps=(coarsest, finer) if levels > 1 else (coarsest,),
+        sweeps=(coarsest, finer),
     )
 
 
@@ -335,8 +335,8 @@ def random_order(
         over arbitrary manifold surfaces*.
 
     Example:
-        >>> [sweep.order.kind for sweep in random_order(levels=1).sweeps]
-        ['simultaneous', 'shuffle']
+        >>> [sweep.order.kind for sweep in random_order().sweeps]
+        ['simultaneous', 'simultaneous', 'shuffle']
     """
     coarse = Layer(plane="coarse", template=Square(size=parent))
     result = Layer(plane="result", template=Square(size=neighborhood, center=False))
@@ -346,10 +346,8 @@ def random_order(
         "coherence": Coherence(template=Square(size=neighborhood)),
     }
     chosen = searches[search]
-    on_noise = Sweep(layers=(result,), search=chosen, order=Simultaneous(), levels=(levels - 1,))
-    on_coarse = Sweep(
-        layers=(coarse,), search=chosen, order=Simultaneous(), levels=tuple(range(levels - 1)) or None
-    )
+    on_noise = Sweep(layers=(result,), search=chosen, order=Simultaneous(), levels="coarsest")
+    on_coarse = Sweep(layers=(coarse,), search=chosen, order=Simultaneous(), levels="finer")
     shuffled = Sweep(layers=(result, coarse), search=chosen, order=Shuffle(seed=order_seed))
     return Recipe(
         name="random_order",
@@ -357,7 +355,7 @@ def random_order(
         levels=levels,
         boundary=boundary,
         initial=RandomSource() if search == "coherence" else Noise(),
-        sweeps=(on_noise, on_coarse, shuffled) if levels > 1 else (on_noise, shuffled),
+        sweeps=(on_noise, on_coarse, shuffled),
     )
 
 
@@ -433,24 +431,23 @@ def _causal_sweeps(
 
 
 def _tileable(first: Sweep, neighborhood: int) -> tuple[Sweep, ...]:
-    """Leave the last rows to a sweep that sees the first ones, and visit those again."""
+    """Leave the last rows to a sweep that sees the first ones, and visits those again."""
     rim = neighborhood // 2
     square = Square(size=neighborhood, center=False)
     coherent = first.search.model_copy(update={"template": square})
-    around = first.model_copy(
-        update={"layers": (Layer(plane="result", template=square),), "search": coherent, "unknown": "skip"}
-    )
-    return (
-        first.model_copy(update={"rows": (0, -rim)}),
-        around.model_copy(update={"rows": (-rim, None)}),
-        around.model_copy(update={"rows": (0, rim)}),
-    )
+    around = {
+        "layers": (Layer(plane="result", template=square),),
+        "search": coherent,
+        "unknown": "skip",
+        "rows": (-rim, rim),
+    }
+    return first.model_copy(update={"rows": (0, -rim)}), first.model_copy(update=around)
 
 
 def _is_mending(sweep: Sweep) -> bool:
     """Whether a sweep visits only some last or first rows, after another has visited the rest."""
     start, stop = sweep.rows or (0, None)
-    return bool(start) or (stop is not None and stop > 0)
+    return bool(start) or (stop or 0) > 0
 
 
 def _following(sweep: Sweep) -> Sweep:

@@ -54,7 +54,8 @@ Reach: TypeAlias = tuple[int, int]
 """How far a neighborhood reads on the level that is being written: up or down, and sideways."""
 
 Rows: TypeAlias = tuple[int | None, int | None]
-"""A range of rows as in a Python slice: ``(0, -2)`` is all but the last two."""
+"""A range of rows as in a Python slice: ``(0, -2)`` is all but the last two. And ``(-2, 2)`` is the last
+two and then the first two: the range goes around the torus."""
 
 _DONE = torch.iinfo(torch.int32).min
 
@@ -227,13 +228,43 @@ def schedule(
     batch = torch.zeros(shape, dtype=torch.int64)
     if reach is not None:
         batch = order.batches(shape, reach, boundary)
+    chosen = visited_rows(rows, shape[0])
+    if goes_around(rows):
+        # On a torus the order may as well begin at another row.
+        batch = batch.roll(chosen[0], 0)
     visited = torch.zeros(shape, dtype=torch.bool)
-    visited[slice(*(rows or (None,)))] = True
+    visited[chosen] = True
     never = int(batch.max()) + 1
     batch = torch.cat((batch.masked_fill(~visited, never).flatten(), torch.tensor([never])))
     sizes: list[int] = batch[batch < never].bincount().tolist()
     sites = batch.argsort(stable=True)[: sum(sizes)]
     return Schedule(sites, [size for size in sizes if size], batch)
+
+
+def goes_around(rows: Rows | None) -> bool:
+    """Whether a range of rows leaves the last one for the first.
+
+    Example:
+        >>> goes_around((-2, 2)), goes_around((-2, None))
+        (True, False)
+    """
+    start, stop = rows or (None, None)
+    return start is not None and start < 0 and stop is not None and stop > 0
+
+
+def visited_rows(rows: Rows | None, height: int) -> list[int]:
+    """The rows of a range, in order, none twice.
+
+    Example:
+        >>> visited_rows((-2, 2), 8), visited_rows((0, -2), 8), visited_rows((-2, 2), 3)
+        ([6, 7, 0, 1], [0, 1, 2, 3, 4, 5], [1, 2, 0])
+    """
+    start, stop = rows or (None, None)
+    everything = list(range(height))
+    if not goes_around(rows):
+        return everything[start:stop]
+    last = everything[start:]
+    return last + [row for row in everything[:stop] if row not in last]
 
 
 def batches_of(rank: Grid, reach: Reach, boundary: Boundary) -> Grid:

@@ -12,10 +12,10 @@ from jaxtyping import Bool, Float, Int64
 from pydantic import Field
 from torch import Tensor
 
-from torchsynth._typing import Cells, Draws, Features, Frames, Offsets, Rows, Sites
+from torchsynth._typing import Draws, Features, Rows, Sites
 from torchsynth.accept import Accept, Best
 from torchsynth.canvas import Canvas
-from torchsynth.lattice import Reads, distorted, only, read, to_cells
+from torchsynth.lattice import Reads, only, to_cells
 from torchsynth.neighborhood import (
     STEPS,
     Layer,
@@ -30,6 +30,7 @@ from torchsynth.part import Part
 from torchsynth.schedule import Order, Reach, Scanline, Schedule, schedule
 from torchsynth.schedule import Rows as Span
 from torchsynth.search import TSVQ, Exhaustive, Offers, Query, Search, Tree, chance, scatter_draws, spare
+from torchsynth.template import Template
 
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
 # enough to bound memory and to report progress often.
@@ -50,9 +51,11 @@ class Sweep(Part):
         search: How candidates are found.
         order: Which pixel comes first.
         accept: Which candidate wins.
-        levels: The pyramid levels this sweep runs on, 0 the finest; None means all of them.
+        levels: The pyramid levels this sweep runs on, 0 the finest; or ``coarsest``, or ``finer`` for all
+            others, however many there are; None means all of them.
         rows: The rows to visit, as in a Python slice: ``(0, -2)`` leaves out the last two, ``(-2, None)``
-            visits only them. None means all.
+            visits only them; ``(-2, 2)`` goes around the torus, from the last two to the first two. None
+            means all.
         unknown: What becomes of neighbors that show only what the level started from: ``read`` compares
             them and takes their offers, ``skip`` leaves them out until they have been synthesized.
         normalize: Share each layer's weight out among its neighbors, so that equal weights count the
@@ -69,13 +72,15 @@ class Sweep(Part):
     search: Search = Exhaustive()
     order: Order = Scanline()
     accept: Accept = Best()
-    levels: Levels | None = None
+    levels: Levels | Literal["coarsest", "finer"] | None = None
     rows: Annotated[Span, Field(strict=False)] | None = None
     unknown: Literal["read", "skip"] = "read"
     normalize: bool = False
 
-    def runs_at(self, level: int) -> bool:
-        """Whether the sweep visits this level."""
+    def runs_at(self, level: int, levels: int) -> bool:
+        """Whether the sweep visits this level of so many."""
+        if isinstance(self.levels, str):
+            return (level == levels - 1) == (self.levels == "coarsest")
         return self.levels is None or level in self.levels
 
 
@@ -199,25 +204,26 @@ class _Wanted:
             given = given.clone()
             given[:, 0] |= ~given.any(1)
         pieces = zip(
-            self.reads.positions.split(sizes),
-            _split(given, sizes),
+            _flat_split(self.reads.positions, sizes),
+            _split(None if given is None else ~given, sizes, unless=False),
             self.spares.split(sizes, dim=1),
             self.chances.split(sizes, dim=1),
             strict=True,
         )
-        for positions, there, spares, chances in pieces:
-            found = self.source.index_select(1, positions.view(-1)).view(spares.shape)
-            yield Offers(found, None if there is None else ~there, spares, chances)
+        for positions, missing, spares, chances in pieces:
+            found = self.source.index_select(1, positions).view(spares.shape)
+            yield Offers(found, missing, spares, chances)
 
 
 @dataclass(frozen=True)
 class _Gathered:
     """The neighborhoods of a group, complete but for what the sweep itself still changes.
 
-    The columns of ``moving`` layers are filled in when the turn of a piece has come.
+    The columns of ``moving`` layers are filled in when the turn of a piece has come. ``extended`` holds
+    the features and, where some do not exist, what they lack.
     """
 
-    features: Features
+    extended: Features
     readable: Bool[Tensor, "sites features"] | None
     moving: list[tuple[slice, Plane, Int64[Tensor, "sites neighbors"]]]
     wanted: _Wanted | None
@@ -227,6 +233,7 @@ class _Gathered:
 
         With each piece comes which of its sites have nothing at all to go by, if there are any.
         """
+        extended = self.extended.split(sizes, dim=1)
         features = self.features.split(sizes, dim=1)
         readable = _split(self.readable, sizes)
         seeing: list[Tensor | None] = [None] * len(sizes)
@@ -237,14 +244,23 @@ class _Gathered:
             (
                 self.features[..., columns].split(sizes, dim=1),
                 plane,
-                positions.split(sizes),
+                _flat_split(positions, sizes),
             )
             for columns, plane, positions in self.moving
         ]
         for piece, (there, sees, offered) in enumerate(zip(readable, seeing, offers, strict=False)):
             for columns, plane, positions in moving:
-                columns[piece].copy_(gather(plane, positions[piece]))
-            yield Query(features[piece], there, offered), None if sees is None else ~sees
+                columns[piece].copy_(gather(plane, positions[piece], sizes[piece]))
+            whole = there is None
+            query = Query(features[piece], there, offered, None if whole else extended[piece])
+            yield query, None if sees is None else ~sees
+
+    @property
+    def features(self) -> Features:
+        """The features with the 1 behind them."""
+        if self.readable is None:
+            return self.extended
+        return self.extended[..., : self.readable.shape[1] + 1]
 
     def distance(self, costs: Costs, weights: Float[Tensor, " features"]) -> Costs:
         """The accepted costs as mean squared differences per compared value, in units of [0, 1].
@@ -263,34 +279,33 @@ class _Reader:
     Args:
         canvas: What is being written.
         bound: For each layer its plane, and whether that plane changes during the sweep.
-        wanted: The neighbors whose sources the search wants to see.
+        wanted: The neighbors whose sources the search wants to see, as a layer.
         candidates: How many candidates there are.
         skips: Whether pixels that are not synthesized yet are left out.
     """
 
     canvas: Canvas
     bound: list[tuple[Layer, Plane, bool]]
-    wanted: Offsets | None
+    wanted: Layer | None
     candidates: int
     skips: bool
 
     @classmethod
     def of(cls, fitted: Fitted, level: int, canvases: Sequence[Canvas]) -> _Reader:
         bound = [(layer, _plane(layer, level, canvases), layer.plane == "result") for layer in fitted.layers]
-        wanted = fitted.sweep.search.wants()
-        if wanted is not None:
-            wanted = wanted.to(fitted.sites.device)
+        template = fitted.sweep.search.wants()
+        wanted = None if template is None else Layer(plane="result", template=template)
         return cls(canvases[level], bound, wanted, len(fitted.sites), fitted.sweep.unknown == "skip")
 
     @property
     def reach(self) -> Reach | None:
         """How far the level reads itself while it is written; None if it does not."""
-        offsets = [layer.template.offsets() for layer, _, moves in self.bound if moves]
+        moving = [layer for layer, _, moves in self.bound if moves]
         if self.wanted is not None:
-            offsets.append(self.wanted.cpu())
-        if not offsets:
+            moving.append(self.wanted)
+        if not moving:
             return None
-        far = torch.cat(offsets).abs().amax(0)
+        far = torch.cat([layer.template.offsets() for layer in moving]).abs().amax(0)
         if self.canvas.frames is not None:
             # The farthest corner, for the frame that throws it farthest; rounding keeps the order.
             far = (self.canvas.frames.abs().cpu() @ far.double()).amax(0).round().long()
@@ -301,41 +316,53 @@ class _Reader:
         """Read everything of the sites' neighborhoods that cannot change any more."""
         cells = to_cells(sites, self.canvas.shape[1])
         frames = None if self.canvas.frames is None else self.canvas.frames[sites]
-        every = [
-            self._known(reads_of(layer, plane, cells, frames), sites, batches, moves)
-            for layer, plane, moves in self.bound
-        ]
-        batch, _, channels = self.canvas.plane.values.shape
-        widths = [reads.positions.shape[1] * channels for reads in every]
-        features = self.canvas.plane.values.new_empty(batch, len(sites), sum(widths) + 1)
-        features[..., -1] = 1
+        own: dict[Template, Reads] = {}
+
+        def look(layer: Layer, plane: Plane, moves: bool) -> Reads:
+            if not moves:
+                return reads_of(layer, plane, cells, frames)
+            if layer.template not in own:
+                own[layer.template] = self._known(reads_of(layer, plane, cells, frames), sites, batches)
+            return own[layer.template]
+
+        every = [look(*layer) for layer in self.bound]
+        wanted = None
+        if self.wanted is not None:
+            own_draws = draws.index_select(1, sites)
+            wanted = self._wanted(look(self.wanted, self.canvas.plane, True), own_draws)
+        features, readable = self._blank(every)
         moving = []
-        for (_, plane, moves), reads, columns in zip(self.bound, every, _spans(widths), strict=True):
+        spans = _spans([reads.positions.shape[1] * self.canvas.plane.values.shape[2] for reads in every])
+        for (_, plane, moves), reads, columns in zip(self.bound, every, spans, strict=True):
             if moves:
                 moving.append((columns, plane, reads.positions))
             else:
-                features[..., columns] = gather(plane, reads.positions)
-        wanted = self._wanted(sites, cells, frames, batches, draws)
-        return _Gathered(features, _readable(every, widths), moving, wanted)
+                features[..., columns] = gather(plane, reads.positions.flatten(), len(sites))
+        return _Gathered(features, readable, moving, wanted)
 
-    def _known(self, reads: Reads, sites: Sites, batches: Schedule, moves: bool) -> Reads:
+    def _known(self, reads: Reads, sites: Sites, batches: Schedule) -> Reads:
         """Leave out what is not synthesized when the site's turn comes, if that is asked for."""
-        if not (moves and self.skips):
+        if not self.skips:
             return reads
         known = self.canvas.known[reads.positions] | batches.done_before(reads.positions, sites)
         return only(reads, known, self.canvas.shape)
 
-    def _wanted(
-        self, sites: Sites, cells: Cells, frames: Frames | None, batches: Schedule, draws: Draws
-    ) -> _Wanted | None:
-        """The neighbors a search wants to see, if it wants any."""
-        if self.wanted is None:
-            return None
-        offsets = self.wanted if frames is None else distorted(self.wanted, frames)
-        reads = read(cells, offsets, self.canvas.shape, self.canvas.plane.boundary)
-        reads = self._known(reads, sites, batches, moves=True)
-        scattered = scatter_draws(draws[:, sites], len(self.wanted))
+    def _wanted(self, reads: Reads, draws: Draws) -> _Wanted:
+        """The neighbors a search wants to see, and random numbers for each of them."""
+        scattered = scatter_draws(draws, reads.positions.shape[1])
         return _Wanted(self.canvas.source, reads, spare(scattered, self.candidates), chance(scattered))
+
+    def _blank(self, every: Sequence[Reads]) -> tuple[Features, Bool[Tensor, "sites features"] | None]:
+        """Vectors to be filled in, with what stands behind the features; and which features exist."""
+        batch, _, channels = self.canvas.plane.values.shape
+        readable = _readable(every, channels)
+        width = sum(reads.positions.shape[1] for reads in every) * channels
+        columns = width + 1 if readable is None else 2 * width + 1
+        features = self.canvas.plane.values.new_empty(batch, len(every[0].positions), columns)
+        features[..., width] = 1
+        if readable is not None:
+            features[..., width + 1 :] = ~readable
+        return features, readable
 
 
 def _plane(layer: Layer, level: int, canvases: Sequence[Canvas]) -> Plane:
@@ -353,23 +380,30 @@ def _spans(widths: Sequence[int]) -> list[slice]:
     return [slice(stop - width, stop) for stop, width in zip(stops, widths, strict=True)]
 
 
-def _split(flags: Tensor | None, sizes: list[int]) -> list[Tensor | None]:
-    """Cut flags into pieces; a piece in which all are True becomes None."""
+def _flat_split(
+    positions: Int64[Tensor, "sites neighbors"], sizes: list[int]
+) -> tuple[Int64[Tensor, " positions"], ...]:
+    """Cut positions into pieces, each of them in one line."""
+    pieces: tuple[Tensor, ...] = positions.view(-1).split([size * positions.shape[1] for size in sizes])
+    return pieces
+
+
+def _split(flags: Tensor | None, sizes: list[int], unless: bool = True) -> list[Tensor | None]:
+    """Cut flags into pieces; a piece in which all are as usual (``unless``) becomes None."""
     if flags is None:
         return [None] * len(sizes)
     # One question to the tensor, not one for each piece.
-    whole = (flags if flags.ndim == 1 else flags.all(1)).tolist()
+    usual = (flags == unless).view(len(flags), -1).all(1).tolist()
     spans = _spans(sizes)
-    return [None if all(whole[span]) else flags[span] for span in spans]
+    return [None if all(usual[span]) else flags[span] for span in spans]
 
 
-def _readable(every: Sequence[Reads], widths: Sequence[int]) -> Bool[Tensor, "sites features"] | None:
+def _readable(every: Sequence[Reads], channels: int) -> Bool[Tensor, "sites features"] | None:
     """Which features exist, layer after layer; None if all of them do."""
     if all(reads.inside is None for reads in every):
         return None
-    blocks = []
-    for reads, width in zip(every, widths, strict=True):
-        there = torch.ones_like(reads.positions, dtype=torch.bool)
-        inside = there if reads.inside is None else reads.inside
-        blocks.append(inside.repeat_interleave(width // inside.shape[1], dim=1))
-    return torch.cat(blocks, dim=1)
+    blocks = [
+        torch.ones_like(reads.positions, dtype=torch.bool) if reads.inside is None else reads.inside
+        for reads in every
+    ]
+    return torch.cat(blocks, dim=1).repeat_interleave(channels, dim=1)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
+import os
 from collections.abc import Mapping
 
 from torch import Tensor
@@ -28,6 +30,24 @@ def is_file(word: str) -> bool:
         (True, False, False)
     """
     return _number(word) is None and word.partition(":")[0] not in MAKERS
+
+
+def check_field_word(subject: str, word: str) -> None:
+    """A field is given by a number, by a maker, or by a file that is there.
+
+    Raises:
+        InputError: If it is none of them.
+
+    Example:
+        >>> check_field_word("angle", "wave:20")
+    """
+    if is_file(word) and not os.path.exists(word):
+        close = difflib.get_close_matches(word.partition(":")[0], MAKERS, n=1)
+        raise InputError(
+            subject, f"must be a number, one of the makers {', '.join(MAKERS)}, or a picture file",
+            f"it is {checks.shortened(word)}, and there is no such file",
+            f"did you mean {close[0]!r}?" if close else "check the path",
+        )  # fmt: skip
 
 
 def controls_from(

@@ -78,9 +78,9 @@ def sweep(
     width = canvas.known.shape[1]
     coarse_sample = None if coarse is None else coarse.sample
     choices = valid(canvas.sample, coarse_sample, [*compared, *below], parent)
-    for row in rows:
+    for number, row in enumerate(rows):
         for step in range(width):
-            place = row, (step + row * half) % width if canvas.torus else step
+            place = row, (step + number * half) % width if canvas.torus else step
 
             def seen(offset, place=place):
                 there = canvas.at(*moved(place, offset))
@@ -175,8 +175,8 @@ def synthesize(sample, size, n, draws, *, torus=True, noise=False, tileable=Fals
     sweep(canvas, rows, half, draws(), causal(n), causal(n), noise=noise, spare_bottom=spare_bottom)
     if tileable:
         last, first = range(max(0, height - half), height), range(min(half, height))
-        for band in (last, first):
-            sweep(canvas, band, half, draws(), around(n), around(n), noise=False, spare_bottom=spare_bottom)
+        band = [*last, *(row for row in first if row not in last)]
+        sweep(canvas, band, half, draws(), around(n), around(n), noise=False, spare_bottom=spare_bottom)
     return canvas
 
 

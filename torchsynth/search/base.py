@@ -9,8 +9,7 @@ with their costs. Which proposal wins is not its concern.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import torch
 from jaxtyping import Bool, Float, Int64
@@ -26,8 +25,7 @@ _HALF = 31
 _MASK = 2**_HALF - 1
 
 
-@dataclass(frozen=True)
-class Offers:
+class Offers(NamedTuple):
     """What the neighbors that a search wants to see have to offer.
 
     Args:
@@ -88,8 +86,7 @@ def _shifted(words: Tensor, shift: int) -> Tensor:
     return shifted
 
 
-@dataclass(frozen=True)
-class Query:
+class Query(NamedTuple):
     """The neighborhoods of the pixels whose turn it is.
 
     Args:
@@ -97,33 +94,36 @@ class Query:
             a 1 at the end, with which one matrix product can add a constant for each candidate.
         readable: Which features exist, the same for all samples; None means all of them.
         offers: What the wanted neighbors offer; None if no search wants any.
+        extended: The features again, and behind them a 1 for each feature that does not exist, so that
+            one product can take its share away; None where all of them exist.
     """
 
     features: Float[Tensor, "batch sites augmented"]
     readable: Bool[Tensor, "sites features"] | None = None
     offers: Offers | None = None
+    extended: Float[Tensor, "batch sites extended"] | None = None
 
 
-@dataclass(frozen=True)
-class Proposals:
+class Proposals(NamedTuple):
     """Candidates for each query, and what each would cost.
 
     Args:
         cost: See :data:`Costs`.
-        rows: Which candidate of the index each cost belongs to; None where place ``i``, counted through
-            the blocks, is candidate ``i``.
+        rows: ``(B, sites, columns)``: which candidate of the index each cost belongs to; None where place
+            ``i``, counted through the blocks, is candidate ``i``.
     """
 
-    cost: Float[Tensor, "batch sites blocks columns"]
-    rows: Int64[Tensor, "batch sites blocks columns"] | None = None
+    cost: Float[Tensor, "batch sites *places"]
+    rows: Int64[Tensor, "batch sites columns"] | None = None
 
     def rows_at(self, place: Int64[Tensor, "batch sites"]) -> Int64[Tensor, "batch sites"]:
         """The candidates at the chosen places."""
         if self.rows is None:
             return place
-        return self.rows.flatten(2).gather(2, place.unsqueeze(2)).squeeze(2)
+        return self.rows.gather(2, place.unsqueeze(2)).squeeze(2)
 
 
-Costs: TypeAlias = Float[Tensor, "batch sites blocks columns"]
+Costs: TypeAlias = Float[Tensor, "batch sites *places"]
 """The cost of each proposed candidate, for each query: exact whole numbers, infinite where a column
-stands for no candidate. Searchers may lay candidates out in blocks, which is easier on the caches."""
+stands for no candidate. Searchers may lay many candidates out in blocks of columns, which is easier on
+the caches."""

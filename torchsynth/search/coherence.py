@@ -64,8 +64,8 @@ class Coherence(Part):
 
     Example:
         >>> from torchsynth.template import Causal
-        >>> Coherence(template=Causal(size=5)).wants().tolist()[0]
-        [-2, -2]
+        >>> len(Coherence(template=Causal(size=5)).wants().offsets())
+        12
     """
 
     kind: Literal["coherence"] = "coherence"
@@ -76,9 +76,9 @@ class Coherence(Part):
     template: Template
     spare_bottom: bool = False
 
-    def wants(self) -> Offsets:
+    def wants(self) -> Template:
         """The neighbors whose sources have to be known."""
-        return self.template.offsets()
+        return self.template
 
     def fit(self, index: Index, complete: bool) -> CoherenceState:
         """Prepare the candidates.
@@ -91,7 +91,7 @@ class Coherence(Part):
         weights = index.weights.to(vectors.dtype)
         squares = vectors.square().mul_(weights)
         products = torch.cat((vectors * (-2 * weights), squares.sum(1, keepdim=True)), dim=1)
-        continued = _continuations(index, self.wants().to(vectors.device))
+        continued = _continuations(index, self.template.offsets().to(vectors.device))
         lines = torch.arange(len(continued), device=vectors.device) * continued.shape[1] + 1
         return CoherenceState(
             continued=continued.flatten(),
@@ -115,7 +115,7 @@ class Coherence(Part):
         """Propose one candidate for each wanted neighbor.
 
         Returns:
-            Costs ``(B, sites, 1, neighbors)``: weighted squared distances less each query's own squared
+            Costs ``(B, sites, neighbors)``: weighted squared distances less each query's own squared
             length, which is the same for all its candidates; infinite for neighbors that offer none.
         """
         offers = query.offers
@@ -127,16 +127,14 @@ class Coherence(Part):
         cost = _costs(state, query, rows)
         if offers.missing is not None:
             cost.masked_fill_(offers.missing, float("inf"))
-        return Proposals(cost.unsqueeze(2), rows.unsqueeze(2))
+        return Proposals(cost, rows)
 
 
 def _costs(state: CoherenceState, query: Query, rows: Tensor) -> Float[Tensor, "batch sites neighbors"]:
     """What the proposed candidates cost."""
     queries, table = query.features, state.products
-    if query.readable is not None and state.partial is not None:
-        table = state.partial
-        missing = (~query.readable).to(queries.dtype).expand(queries.shape[0], -1, -1)
-        queries = torch.cat((queries, missing), dim=2)
+    if query.extended is not None and state.partial is not None:
+        queries, table = query.extended, state.partial
     height, features = table.shape
     if height > state.number:  # each sample has an exemplar of its own
         rows = rows + torch.arange(0, height, state.number, device=rows.device).view(-1, 1, 1)

@@ -180,7 +180,7 @@ class TSVQ(Part):
         cost, vectors = _compare_members(state, queries, counting, leaves)
         rows = vectors % (len(state.vectors) // state.exemplars)
         common = (queries.square().unsqueeze(1) * counting).sum(2)
-        shape = (batch, sites, 1, -1)
+        shape = (batch, sites, -1)
         return Proposals((cost - common).view(shape), rows.view(shape))
 
 
