@@ -29,6 +29,7 @@ def test_equals_cdist(candidates, exemplars):
         torch.arange(candidates),
         torch.ones(24, dtype=torch.int64),
         (1, candidates),
+        torch.zeros(exemplars, candidates, 1),
     )
     queries = _whole(generator, 3, 7, 24)
     distance = torch.cdist(
@@ -46,7 +47,7 @@ def test_equals_cdist(candidates, exemplars):
 def test_weights_and_missing_neighbors_count_as_they_should():
     generator = torch.Generator().manual_seed(1)
     weights = torch.tensor([1, 3, 2, 5, 1])
-    index = Index(_whole(generator, 1, 40, 5), torch.arange(40), weights, (1, 40))
+    index = Index(_whole(generator, 1, 40, 5), torch.arange(40), weights, (1, 40), torch.zeros(1, 40, 1))
     queries = _whole(generator, 2, 6, 5)
     readable = torch.rand(6, 5, generator=generator) > 0.4
     readable[0], readable[1] = True, False
@@ -71,7 +72,13 @@ def test_first_minimum_takes_the_first_of_equals(sites, blocks, columns, values)
 
 def test_capacity_bounds_the_workspace(monkeypatch):
     monkeypatch.setattr("torchsynth.search.exhaustive.MEMORY_BUDGET", 4 * 1000)
-    index = Index(torch.zeros(1, 300, 4), torch.arange(300), torch.ones(4, dtype=torch.int64), (1, 300))
+    index = Index(
+        torch.zeros(1, 300, 4),
+        torch.arange(300),
+        torch.ones(4, dtype=torch.int64),
+        (1, 300),
+        torch.zeros(1, 300, 1),
+    )
     state = Exhaustive().fit(index, complete=True)
     assert Exhaustive().capacity(state) == 3
     assert state.workspace.numel() == 3 * state.width

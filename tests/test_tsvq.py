@@ -23,7 +23,7 @@ def _index(count, features, seed, exemplars=1, spread=128):
     generator = torch.Generator().manual_seed(seed)
     values = torch.randint(-spread, spread, (exemplars, count, features), generator=generator).float()
     weights = torch.randint(1, 4, (features,), generator=generator)
-    return Index(values, torch.arange(count), weights, (1, count))
+    return Index(values, torch.arange(count), weights, (1, count), values[..., :1])
 
 
 def _query(features, readable=None):
@@ -120,7 +120,9 @@ def test_central_leaves_propose_the_member_nearest_to_their_centroid():
 
 
 def test_identical_vectors_are_one_leaf():
-    index = Index(torch.full((1, 9, 2), 5.0), torch.arange(9), torch.tensor([1, 1]), (1, 9))
+    index = Index(
+        torch.full((1, 9, 2), 5.0), torch.arange(9), torch.tensor([1, 1]), (1, 9), torch.zeros(1, 9, 1)
+    )
     rows, _ = _found(ts.TSVQ(depth=5), index, _query(torch.zeros(1, 1, 2)))
     assert rows.item() == 0
 

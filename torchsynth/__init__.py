@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 from torchsynth import field as field
+from torchsynth import metrics as metrics
 from torchsynth import recipes as recipes
 from torchsynth.accept import Best
 from torchsynth.codebook import Codebook
@@ -57,6 +58,7 @@ __all__ = [
     "dump_recipe",
     "field",
     "load_recipe",
+    "metrics",
     "read_image",
     "recipes",
     "synthesize",

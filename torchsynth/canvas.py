@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
-from torchsynth._typing import CostMap, Frames, Image, Rows, Sites, SourceMap
+from torchsynth._typing import CostMap, Frames, Image, Rows, Sites, SourceMap, Values
 from torchsynth.lattice import Boundary, Shape
-from torchsynth.neighborhood import Plane, output_plane
+from torchsynth.neighborhood import Plane, dequantize, output_plane
 
 UNSET = -1
 """The source of a pixel that still shows what the level started from."""
@@ -26,7 +26,8 @@ class Canvas:
     Args:
         plane: The matching side: whole numbers, what neighborhoods read.
         source: Flat position in the exemplar level that each pixel was copied from, or ``UNSET``; like
-            the plane it has an empty pixel behind the last.
+            the plane it has an empty pixel behind the last. A pixel may also be given a value of its own,
+            which comes from no source.
         cost: Mean squared difference, per compared value, between each pixel's neighborhood and its
             match, in squared units of [0, 1].
         start: The picture the level started from.
@@ -71,8 +72,18 @@ class Canvas:
         """Height and width."""
         return self.plane.shape
 
-    def write(self, sites: Sites, source: Rows) -> None:
-        """Copy exemplar pixels, by their flat positions, to the given sites of every output."""
+    def write(self, sites: Sites, source: Rows, own: Values | None = None) -> None:
+        """Copy exemplar pixels, by their flat positions, to the given sites of every output.
+
+        Args:
+            sites: Where to.
+            source: Where from.
+            own: Values to write instead, which come from no pixel.
+        """
+        if own is not None:
+            self.plane.values.index_copy_(1, sites, own)
+            self.source.index_fill_(1, sites, UNSET)
+            return
         self.plane.values.index_copy_(1, sites, _pick(self.exemplar_plane.values, source))
         self.source.index_copy_(1, sites, source)
 
@@ -81,20 +92,23 @@ class Canvas:
         self.cost.index_copy_(1, sites, cost)
 
     def image(self) -> Image:
-        """The picture as it stands: exemplar values where a source is set, the start elsewhere."""
+        """The picture as it stands: exemplar values where a source is set.
+
+        Elsewhere it shows what the level started from, or was given, in the steps of matching.
+        """
         batch, channels = self.start.shape[:2]
         values = self.exemplar.flatten(2).transpose(1, 2)
         source = self.source[:, :-1]
         copied = _pick(values, source.clamp(min=0)).transpose(1, 2)
-        started = self.start.flatten(2)
-        image = torch.where((source == UNSET).unsqueeze(1), started, copied)
+        given = dequantize(self.plane.values[:, :-1]).to(copied.dtype).transpose(1, 2)
+        image = torch.where((source == UNSET).unsqueeze(1), given, copied)
         return image.reshape(batch, channels, *self.shape)
 
     def source_map(self) -> SourceMap:
-        """The sources as (row, column)."""
+        """The sources as (row, column); -1 where there is none."""
         width = self.exemplar.shape[-1]
         source = self.source[:, :-1]
-        cells = torch.stack((source // width, source % width), dim=1)
+        cells = torch.stack((source // width, torch.where(source == UNSET, -1, source % width)), dim=1)
         return cells.view(len(cells), 2, *self.shape)
 
     def cost_map(self) -> CostMap:

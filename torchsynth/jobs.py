@@ -383,7 +383,7 @@ def _record(job: Job, digests: dict[str, str], size: Shape, seed: int) -> dict[s
         "recipe": job.recipe.model_dump(mode="json", exclude_none=True),
         "size": list(size),
         "seed": seed,
-        "fields": _words(job),
+        **({"fields": _words(job)} if _words(job) else {}),
         "inputs": {name: {"path": path, "sha256": digests[name]} for name, path in _paths(job).items()},
         "versions": versions(),
     }

@@ -96,12 +96,14 @@ class Index:
         sites: The flat exemplar position of each candidate, ascending.
         weights: How much each feature's squared difference counts: whole numbers.
         shape: Height and width of the exemplar level that the positions refer to.
+        values: ``(E, candidates, C)``: the candidates themselves, without their neighborhoods.
     """
 
     features: Features
     sites: Int64[Tensor, " candidates"]
     weights: Int64[Tensor, " features"]
     shape: Shape
+    values: Values
 
 
 def quantize(image: Image, dtype: torch.dtype) -> Values:
@@ -113,6 +115,16 @@ def quantize(image: Image, dtype: torch.dtype) -> Values:
     """
     steps = (image * STEPS).round().clamp(0, STEPS) - (STEPS + 1) // 2
     return steps.flatten(2).transpose(1, 2).to(dtype).contiguous()
+
+
+def dequantize(values: Values) -> Values:
+    """Whole numbers of matching as values in [0, 1].
+
+    Example:
+        >>> dequantize(torch.tensor([[[-128.0], [127.0]]])).flatten().tolist()
+        [0.0, 1.0]
+    """
+    return (values + (STEPS + 1) // 2) / STEPS
 
 
 def layers_at(layers: Sequence[Layer], level: int, levels: int) -> tuple[Layer, ...]:
@@ -179,7 +191,7 @@ def gather_candidates(
         _gather_windows(layer, planes[level + layer.steps_up], cells, out=columns)
     repeats = torch.tensor(widths, device=sites.device)
     counts = torch.tensor(weights, device=sites.device).repeat_interleave(repeats)
-    return Index(features, sites, counts, planes[level].shape)
+    return Index(features, sites, counts, planes[level].shape, planes[level].values.index_select(1, sites))
 
 
 def output_plane(image: Image, dtype: torch.dtype, boundary: Boundary, valid: Region | None = None) -> Plane:

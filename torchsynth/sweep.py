@@ -152,7 +152,7 @@ def run_sweep(
     """
     canvas, sweep, candidates = canvases[level], fitted.sweep, fitted.sites
 
-    def visit(sites: Sites, query: Query, blind: Tensor | None) -> tuple[Rows, Costs]:
+    def visit(sites: Sites, query: Query, blind: Tensor | None) -> tuple[Rows, Tensor | None, Costs]:
         proposals = sweep.search.search(fitted.state, query)
         choice = sweep.accept.choose(proposals.cost)
         rows = proposals.rows_at(choice.place)
@@ -160,19 +160,19 @@ def run_sweep(
             # No neighbor at all: every candidate costs nothing, and any one is as good.
             unseeing = scatter_draws(draws[:, sites[blind]], 1).squeeze(2)
             rows[:, blind] = spare(unseeing, len(candidates))
-        return candidates.take(rows), choice.cost
+        return candidates.take(rows), proposals.values_at(choice.place), choice.cost
 
     reader = _Reader.of(fitted, level, canvases)
     batches = schedule(sweep.order, canvas.shape, reader.reach, canvas.plane.boundary, sweep.rows)
     capacity = max(1, sweep.search.capacity(fitted.state) // len(canvas.source))
-    pending: list[tuple[Sites, Rows]] = []
+    pending: list[tuple[Sites, Rows, Tensor | None]] = []
     for group in batches.groups(capacity, GROUP):
         group_sites = group.sites.to(candidates.device)
         gathered, costs = reader.gather(group_sites, batches, draws), []
         pieces = zip(group_sites.split(group.sizes), gathered.queries(group.sizes), strict=True)
         for (sites, (query, blind)), ends_batch in zip(pieces, group.ends_batch, strict=True):
-            source, cost = visit(sites, query, blind)
-            pending.append((sites, source))
+            source, own, cost = visit(sites, query, blind)
+            pending.append((sites, source, own))
             costs.append(cost)
             if ends_batch:  # gather before scatter: a batch sees nothing of itself
                 for written in pending:

@@ -171,7 +171,7 @@ def _run(
         if number == 0 and sown:
             coarser = canvases[level + 1] if level + 1 < recipe.levels else None
             recipe.initial.sow(canvas, coarser, fitted.sites, generators)
-            begun[level] = canvas.image()
+            begun[level] = canvas.image() if recipe.initial.inherits else canvas.start
 
         def advance(pixels: int, level: int = level, number: int = number) -> None:
             nonlocal done

@@ -111,16 +111,26 @@ class Proposals(NamedTuple):
         cost: See :data:`Costs`.
         rows: ``(B, sites, columns)``: which candidate of the index each cost belongs to; None where place
             ``i``, counted through the blocks, is candidate ``i``.
+        values: ``(B, sites, columns, C)``: the value that each proposal has of its own; None where
+            proposals are copies of exemplar pixels.
     """
 
     cost: Float[Tensor, "batch sites *places"]
     rows: Int64[Tensor, "batch sites columns"] | None = None
+    values: Float[Tensor, "batch sites columns channels"] | None = None
 
     def rows_at(self, place: Int64[Tensor, "batch sites"]) -> Int64[Tensor, "batch sites"]:
         """The candidates at the chosen places."""
         if self.rows is None:
             return place
         return self.rows.gather(2, place.unsqueeze(2)).squeeze(2)
+
+    def values_at(self, place: Int64[Tensor, "batch sites"]) -> Float[Tensor, "batch sites channels"] | None:
+        """The own values of what was proposed at the chosen places, if it has any."""
+        if self.values is None:
+            return None
+        chosen = place[..., None, None].expand(-1, -1, 1, self.values.shape[3])
+        return self.values.gather(2, chosen).squeeze(2)
 
 
 Costs: TypeAlias = Float[Tensor, "batch sites *places"]

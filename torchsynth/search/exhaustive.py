@@ -56,7 +56,7 @@ class Exhaustive(Part):
 
     Example:
         >>> features = torch.tensor([[[0.0, 3.0], [1.0, 1.0]]])
-        >>> index = Index(features, torch.tensor([0, 1]), torch.tensor([1, 1]), (1, 2))
+        >>> index = Index(features, torch.tensor([0, 1]), torch.tensor([1, 1]), (1, 2), features[..., :1])
         >>> state = Exhaustive().fit(index, complete=True)
         >>> found = Exhaustive().search(state, Query(torch.tensor([[[0.0, 2.0, 1.0]]])))
         >>> (found.cost + 2.0**2).tolist()

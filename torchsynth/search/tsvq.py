@@ -104,7 +104,7 @@ class TSVQ(Part):
         Compression*, 1992.
 
     Example:
-        >>> index = Index(torch.tensor([[[0.0], [1.0], [9.0]]]), torch.arange(3), torch.tensor([1]), (1, 3))
+        >>> index = Index(torch.tensor([[[0.0], [1.0], [9.0]]]), torch.arange(3), torch.tensor([1]), (1, 3), torch.zeros(1, 3, 1))
         >>> search = TSVQ(depth=2)
         >>> found = search.search(search.fit(index, complete=True), Query(torch.tensor([[[8.0, 1.0]]])))
         >>> found.rows.flatten()[found.cost.flatten().argmin()].item()
