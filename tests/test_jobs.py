@@ -10,8 +10,9 @@ import torch
 
 import torchsynth as ts
 from torchsynth import feasibility
-from torchsynth.jobs import Files, Job, load_record, parse_size, run
+from torchsynth.jobs import Files, parse_size, run
 from torchsynth.recipes import wei_levoy, wei_levoy_single
+from torchsynth.records import Job, load_record
 
 TINY = wei_levoy_single(neighborhood=3)
 

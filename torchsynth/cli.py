@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from torchsynth import config, jobs
+from torchsynth import config, jobs, records
 from torchsynth.errors import ConfigError, InputError, TorchsynthError
 from torchsynth.progress import progress_bar, training_bar
 from torchsynth.recipe import Recipe
@@ -136,7 +136,7 @@ def synthesize(
         )
     usual = "wei_levoy" if target is None else "ashikhmin_target"
     chosen = _chosen(recipe, config_file, changes, usual if codebook is None else "wei_levoy_tsvq")
-    job = jobs.Job(
+    job = records.Job(
         exemplar=exemplar,
         recipe=_adapted(chosen, target is not None, passes, blur_seams),
         size=None if size is None else jobs.parse_size(size),
@@ -160,8 +160,8 @@ def rerun(
     overwrite: Overwrite = False,
 ) -> None:
     """Make a picture again from its record: the same bytes, with the same versions."""
-    job = jobs.load_record(record)
-    for change in jobs.changed_versions(record):
+    job = records.load_record(record)
+    for change in records.changed_versions(record):
         typer.echo(f"note: the record was made with {change}; the bytes may differ", err=True)
     _run(job, jobs.Files(output, None, None, overwrite))
 
@@ -185,7 +185,7 @@ def train(
 ) -> None:
     """Train the trees for an exemplar once, for 'torchsynth synthesize --codebook'."""
     chosen = _chosen(recipe, config_file, changes, "wei_levoy_tsvq")
-    job = jobs.Job(exemplar, chosen, None, (), valid=valid)
+    job = records.Job(exemplar, chosen, None, (), valid=valid)
     with _cancellable(), training_bar() as progress:
         written = jobs.run_training(job, output, overwrite=overwrite, progress=progress)
     typer.echo(written)
@@ -298,7 +298,7 @@ def _figures(wanted: Sequence[str]) -> dict[str, Path]:
     return figures
 
 
-def _run(job: jobs.Job, files: jobs.Files) -> None:
+def _run(job: records.Job, files: jobs.Files) -> None:
     with _cancellable(), progress_bar() as progress:
         written = jobs.run(job, files, progress)
     for path in written:

@@ -9,16 +9,14 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ValidationError, model_validator
 
-from torchsynth import checks, config
+from torchsynth import checks
 from torchsynth.codebook import Codebook, check_savable
 from torchsynth.codecs import Depth
 from torchsynth.drawing import check_drawable, draw
-from torchsynth.errors import ConfigError, InputError, OutputError
+from torchsynth.errors import InputError, OutputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.feasibility import outputs_that_fit
 from torchsynth.io import (
@@ -31,48 +29,14 @@ from torchsynth.io import (
     staging,
 )
 from torchsynth.lattice import Shape
-from torchsynth.recipe import Recipe
+from torchsynth.records import Job, paths_of, record_of, words_of
 from torchsynth.result import Result
 from torchsynth.synthesis import Progress, synthesize
 from torchsynth.training import TrainingProgress, train
-from torchsynth.versions import versions
-from torchsynth.wishes import FIELDS, check_field_word, controls_from, is_file, white
+from torchsynth.wishes import FIELDS, check_field_word, controls_from, white
 
 _BATCH = 8
 """Outputs made together: more gain little and hold more memory."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """What to make.
-
-    Args:
-        exemplar: Path of the sample, or ``sample:NAME``.
-        recipe: The algorithm.
-        size: Height and width; None means twice the exemplar's.
-        seeds: One for each output.
-        valid: Path of a picture that is white where the exemplar may be sampled.
-        initial: Path of a picture to start from.
-        target: Path of a picture to follow; its alpha channel, if it has one, marks what was painted.
-        target_region: Path of a picture that is white where the target was painted.
-        angle: By how much the texture is turned: degrees, a maker such as ``swirl:180``, or a path.
-        scale: By how much it is enlarged: a factor, a maker such as ``zoom:0.5,2``, or a path.
-        codebook: Path of a codebook that was trained for this exemplar and recipe.
-        sha256: What each of these files has to hash to, where that is known.
-    """
-
-    exemplar: str
-    recipe: Recipe
-    size: Shape | None
-    seeds: tuple[int, ...]
-    valid: str | None = None
-    initial: str | None = None
-    target: str | None = None
-    target_region: str | None = None
-    angle: str | None = None
-    scale: str | None = None
-    codebook: str | None = None
-    sha256: dict[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -114,7 +78,7 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
     targets = [_targets(files, number, job.recipe.levels) for number in _numbers(job)]
     _check_targets(job, files, [path for one in targets for path in one.all])
     sample = _sample(inputs)
-    controls = controls_from(inputs, _words(job), len(exemplar.image), size)
+    controls = controls_from(inputs, words_of(job), len(exemplar.image), size)
     for kind in files.figures:
         check_drawable(kind, controls)
     batch = outputs_that_fit(job.recipe, sample.samples, size, min(_BATCH, len(job.seeds)))
@@ -129,7 +93,7 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
                 for kind, path in target.figures.items():
                     drawing = draw(kind, result, controls)[item]
                     put(path, encode_image(drawing, path, "8-bit"))
-                record = _record(job, _digests(inputs, codebook), size, seeds[item])
+                record = record_of(job, _digests(inputs, codebook), size, seeds[item])
                 put(target.record, json.dumps(record, indent=2).encode())
     return [target.picture for target in targets]
 
@@ -147,7 +111,7 @@ def run_training(
         OutputError: If the file cannot be written, or exists; checked before the work starts.
     """
     inputs, _ = _read_inputs(job)
-    _check_distinct(_paths(job).values(), [output])
+    _check_distinct(paths_of(job).values(), [output])
     check_savable(output, overwrite=overwrite)
     codebook = train(_sample(inputs), job.recipe, progress=progress)
     return codebook.save(output, overwrite=overwrite)
@@ -170,63 +134,6 @@ def parse_size(text: str) -> Shape:
             "write e.g. 256x256",
         )  # fmt: skip
     return int(match[1]), int(match[2])
-
-
-def load_record(path: Path) -> Job:
-    """Read the record that was written beside a picture, as the job that makes it again.
-
-    Raises:
-        ConfigError: If the file is not such a record.
-    """
-    try:
-        record = _Record.model_validate_json(path.read_bytes())
-    except OSError as error:
-        fact = f"the system says: {(error.strerror or str(error)).lower()}"
-        raise ConfigError(str(path), "must be a readable file", fact, "check the path") from None
-    except ValidationError:
-        raise ConfigError(
-            str(path), "must be a record that 'torchsynth synthesize' wrote", "it is not",
-            "pass the .json beside the picture",
-        ) from None  # fmt: skip
-    paths = {name: _found(one.path, path.parent) for name, one in record.inputs.items()}
-    return Job(
-        exemplar=paths["exemplar"],
-        recipe=config.parse_recipe(record.recipe, f"{path}: recipe"),
-        size=record.size,
-        seeds=(record.seed,),
-        valid=paths.get("valid"),
-        initial=paths.get("initial"),
-        target=paths.get("target"),
-        target_region=paths.get("target_region"),
-        angle=paths.get("angle", record.fields.get("angle")),
-        scale=paths.get("scale", record.fields.get("scale")),
-        codebook=paths.get("codebook"),
-        sha256={name: one.sha256 for name, one in record.inputs.items()},
-    )
-
-
-class _Input(BaseModel):
-    path: str
-    sha256: str
-
-
-class _Record(BaseModel):
-    """What :func:`_record` writes; it may hold more than is needed to read it."""
-
-    recipe: dict[str, Any]
-    size: tuple[int, int]
-    seed: int
-    inputs: dict[
-        Literal["exemplar", "valid", "initial", "target", "target_region", "angle", "scale", "codebook"],
-        _Input,
-    ]
-    fields: dict[Literal["angle", "scale"], str] = {}
-
-    @model_validator(mode="after")
-    def _has_an_exemplar(self) -> _Record:
-        if "exemplar" not in self.inputs:
-            raise ValueError("there is no exemplar")
-        return self
 
 
 @dataclass(frozen=True)
@@ -271,7 +178,7 @@ def _check_targets(job: Job, files: Files, targets: Sequence[Path]) -> None:
         )  # fmt: skip
     for path in files.figures.values():
         check_storable(path, 3, (1, 1))
-    _check_distinct(_paths(job).values(), targets)
+    _check_distinct(paths_of(job).values(), targets)
     folder = files.levels
     if folder is not None and os.path.exists(folder) and not os.path.isdir(folder):
         raise OutputError(str(folder), "must be a folder", "it is a file", "choose another name")
@@ -297,29 +204,12 @@ def _check_distinct(inputs: Iterable[str], targets: Iterable[Path]) -> None:
         seen.add(place)
 
 
-def changed_versions(path: Path) -> list[str]:
-    """Which versions a record names that are not today's: with these, other bytes may come out.
-
-    Raises:
-        ConfigError: If the file is not a record.
-    """
-    load_record(path)
-    recorded = json.loads(path.read_text(encoding="utf-8")).get("versions")
-    recorded = recorded if isinstance(recorded, dict) else {}
-    now = versions()
-    return [
-        f"{name} {recorded.get(name, 'unknown')}, now {now[name]}"
-        for name in now
-        if recorded.get(name) != now[name]
-    ]
-
-
 def _read_inputs(job: Job) -> tuple[dict[str, Picture], Codebook | None]:
     """The pictures by what they are for, and the codebook if there is one."""
     for name in FIELDS:
         if getattr(job, name) is not None:
             check_field_word(name, getattr(job, name))
-    paths = _paths(job)
+    paths = paths_of(job)
     pictures = {name: read_picture(path) for name, path in paths.items() if name != "codebook"}
     codebook = None if job.codebook is None else Codebook.load(job.codebook)
     digests = _digests(pictures, codebook)
@@ -356,12 +246,6 @@ def _usual_size(inputs: dict[str, Picture]) -> Shape:
     return 2 * height, 2 * width
 
 
-def _words(job: Job) -> dict[str, str]:
-    """The fields that are given without a file."""
-    given = {name: getattr(job, name) for name in FIELDS}
-    return {name: word for name, word in given.items() if word is not None and not is_file(word)}
-
-
 def _put_output(put: Put, result: Result, item: int, depth: Depth, targets: _Targets) -> None:
     """One sample of a result: its picture, and its levels and source map where they are wanted."""
     put(targets.picture, encode_image(result.image[item], targets.picture, depth))
@@ -376,30 +260,6 @@ def _put_output(put: Put, result: Result, item: int, depth: Depth, targets: _Tar
         picture = pictures[item if len(pictures) > 1 else 0]
         # Blurred, a picture of black and white is gray.
         put(path, encode_image(picture, path, "8-bit" if depth == "1-bit" else depth))
-
-
-def _record(job: Job, digests: dict[str, str], size: Shape, seed: int) -> dict[str, Any]:
-    return {
-        "recipe": job.recipe.model_dump(mode="json", exclude_none=True),
-        "size": list(size),
-        "seed": seed,
-        **({"fields": _words(job)} if _words(job) else {}),
-        "inputs": {name: {"path": path, "sha256": digests[name]} for name, path in _paths(job).items()},
-        "versions": versions(),
-    }
-
-
-def _paths(job: Job) -> dict[str, str]:
-    """The input files by what they are for."""
-    names = ("exemplar", "valid", "initial", "target", "target_region", "codebook", *FIELDS)
-    paths = {name: getattr(job, name) for name in names if getattr(job, name) is not None}
-    return {name: path for name, path in paths.items() if name not in _words(job)}
-
-
-def _found(path: str, folder: Path) -> str:
-    """An input's path as it was given, or beside its record if it is only there."""
-    beside = folder / path
-    return str(beside) if not os.path.exists(path) and os.path.exists(beside) else path
 
 
 def _numbers(job: Job) -> Sequence[int | None]:
