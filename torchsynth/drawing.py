@@ -13,7 +13,7 @@ from torchsynth._typing import FieldMap, Image
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.lattice import Shape
-from torchsynth.result import Result
+from torchsynth.result import Result, check_sources
 
 KINDS = ("patches", "sources", "field")
 """What can be drawn."""
@@ -90,6 +90,7 @@ def draw_sources(result: Result) -> Image:
         True
     """
     height, width = result.levels[0].exemplar.shape[-2:]
+    check_sources(result.recipe, "sources")
     rows, columns = result.source.double().unbind(1)
     rows, columns = rows / max(1, height - 1), columns / max(1, width - 1)
     return torch.stack((columns, rows, 1 - (rows + columns) / 2), dim=1).to(result.image.dtype)

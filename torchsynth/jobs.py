@@ -30,7 +30,7 @@ from torchsynth.io import (
 )
 from torchsynth.lattice import Shape
 from torchsynth.records import Job, paths_of, record_of, words_of
-from torchsynth.result import Result
+from torchsynth.result import Result, check_sources
 from torchsynth.synthesis import Progress, synthesize
 from torchsynth.training import TrainingProgress, train
 from torchsynth.wishes import FIELDS, check_field_word, controls_from, white
@@ -81,6 +81,10 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
     controls = controls_from(inputs, words_of(job), len(exemplar.image), size)
     for kind in files.figures:
         check_drawable(kind, controls)
+        if kind != "field":
+            check_sources(job.recipe, kind)
+    if files.source_map is not None:
+        check_sources(job.recipe, "--source-map")
     batch = outputs_that_fit(job.recipe, sample.samples, size, min(_BATCH, len(job.seeds)))
     for start in range(0, len(job.seeds), batch):
         seeds = job.seeds[start : start + batch]

@@ -92,6 +92,21 @@ class Recipe(Part):
                     "once and skips those that are unknown: all of them; let it read them, or use another order"
                 )
 
+    @model_validator(mode="after")
+    def _sources_are_there(self) -> Recipe:
+        if self.has_sources:
+            return self
+        if self.blur_seams is not None:
+            raise ValueError("seams lie between copied patches, but a sweep's leaves propose centroids")
+        if self.initial.inherits and self.levels > 1:
+            raise ValueError("levels inherit sources, but a sweep's leaves propose centroids, which have none")
+        return self
+
+    @property
+    def has_sources(self) -> bool:
+        """Whether every pixel of the output is a copy of an exemplar pixel."""
+        return all(sweep.search.has_sources for sweep in self.sweeps)
+
     @property
     def follows_target(self) -> bool:
         """Whether any sweep compares a target."""

@@ -39,7 +39,8 @@ class Level:
 class Result:
     """A finished synthesis. For every pixel ``image == exemplar[source]``, exactly.
 
-    The one exception is the image of a recipe that blurs its seams.
+    There are two exceptions: the image of a recipe that blurs its seams, and pixels that show a centroid
+    of TSVQ (``leaf: centroid``), which have no source.
 
     Args:
         levels: All pyramid levels, the finest first.
@@ -64,7 +65,10 @@ class Result:
 
     @property
     def source(self) -> SourceMap:
-        """``(B, 2, OH, OW)``: the exemplar's row and column each pixel was copied from."""
+        """``(B, 2, OH, OW)``: the exemplar's row and column each pixel was copied from.
+
+        Pixels whose value is a TSVQ centroid come from nowhere: -1.
+        """
         return self.levels[0].source
 
     @property
@@ -86,6 +90,7 @@ class Result:
             >>> result.seams().shape
             torch.Size([1, 8, 8])
         """
+        self._check_sources("seams")
         return seams(self.source, self.recipe.boundary)
 
     def transfer(self, other: Tensor) -> Tensor:
@@ -108,8 +113,34 @@ class Result:
             >>> bool((result.transfer(exemplar) == result.image).all())
             True
         """
+        self._check_sources("transfer")
         shape = self.levels[0].exemplar.shape[-2:]
         return transfer(self.source, other, (shape[0], shape[1]))
+
+    def _check_sources(self, wish: str) -> None:
+        check_sources(self.recipe, wish)
+
+
+def check_sources(recipe: Recipe, wish: str) -> None:
+    """What needs a source map can be had only of recipes whose outputs are copies.
+
+    Args:
+        recipe: The recipe.
+        wish: What is asked for.
+
+    Raises:
+        InputError: If the recipe makes values of its own.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> check_sources(recipes.wei_levoy(), "transfer")
+    """
+    if not recipe.has_sources:
+        raise InputError(
+            wish, "needs a source map, and so a recipe that copies pixels",
+            f"leaves of the recipe {recipe.name!r} propose centroids",
+            "use 'nearest' or 'central' leaves",
+        )  # fmt: skip
 
 
 def seams(source: SourceMap, boundary: Boundary) -> Bool[Tensor, "batch height width"]:

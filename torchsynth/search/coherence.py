@@ -73,6 +73,9 @@ class Coherence(Part):
     largest_term: ClassVar[int] = 3 * 128**2
     """The most that one feature adds to a sum: ``|x|^2 - 2 q.x``, with both from -128 to 127."""
 
+    has_sources: ClassVar[bool] = True
+    """Whether what it proposes are exemplar pixels."""
+
     template: Template
     spare_bottom: bool = False
 
