@@ -139,7 +139,7 @@ def test_missing_neighbors_are_left_out():
 def test_training_in_chunks_changes_nothing(monkeypatch):
     index = _index(300, 5, seed=9)
     whole = ts.TSVQ(depth=6).fit(index, complete=True)
-    monkeypatch.setattr("torchsynth.search.tsvq._CHUNK", 17)
+    monkeypatch.setattr("torchsynth.search.tree.CHUNK", 17)
     pieces = ts.TSVQ(depth=6).fit(index, complete=True)
     assert pieces.tree.members.equal(whole.tree.members)
     assert np.array_equal(pieces.tree.centroids, whole.tree.centroids)
