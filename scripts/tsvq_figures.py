@@ -10,7 +10,7 @@ The points are neighborhoods of two features: whole numbers from -128 to 127, dr
 with a fixed seed. Lloyd's iterations are written out here, to show each of them; that they end where the
 library's own tree begins is checked.
 
-It needs matplotlib, which the library itself does not: ``pip install -c constraints.txt matplotlib``.
+It needs matplotlib, which the library itself does not: ``pip install -c constraints.txt -e '.[viz]'``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from torch import Tensor
 import torchsynth as ts
 from torchsynth.neighborhood import Index
 from torchsynth.search import TSVQState
-from torchsynth.search.tsvq import Tree
+from torchsynth.search.tree import Tree
 
 # Okabe and Ito's colors, which the color-blind can tell apart.
 FIRST, SECOND, DARK = "#0072B2", "#E69F00", "#222222"
@@ -53,7 +53,8 @@ def clusters() -> Tensor:
 
 def grown(points: Tensor, depth: int) -> TSVQState:
     """The library's tree of these points."""
-    index = Index(points.unsqueeze(0), torch.arange(len(points)), torch.ones(2, dtype=torch.int64))
+    shape = (1, len(points))
+    index = Index(points.unsqueeze(0), torch.arange(len(points)), torch.ones(2, dtype=torch.int64), shape)
     return ts.TSVQ(depth=depth).fit(index, complete=True)
 
 
@@ -164,9 +165,8 @@ def _leaf_of(points: Tensor, state: TSVQState) -> Tensor:
     """Descend the tree: to the second child where the point is nearer to that."""
     node = torch.zeros(len(points), dtype=torch.int64)
     for _ in range(state.tree.depth):
-        nearer = (points * state.toward[node]).sum(1) > state.limit[node]
-        first = state.tree.children[node]
-        node = torch.where(first < 0, node, first + nearer)
+        nearer = (points * state.nodes.toward[node]).sum(1) > state.nodes.limit[node]
+        node = state.nodes.steps[node] + nearer
     return node
 
 

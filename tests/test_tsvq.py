@@ -10,6 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
+from torch.utils._python_dispatch import TorchDispatchMode
 
 import torchsynth as ts
 from tests.reference import tsvq
@@ -117,6 +118,68 @@ def test_central_leaves_propose_the_member_nearest_to_their_centroid():
         distance = ((index.features[0, members] - full.centroids[node]).square() * index.weights).sum(1)
         assert state.tree.counts[node] == 1
         assert state.tree.members[state.tree.starts[node]] == members[distance.argmin()]
+
+
+class _Largest(TorchDispatchMode):
+    """Notes how many numbers the largest new tensor has."""
+
+    numbers = 0
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        result = func(*args, **(kwargs or {}))
+        if isinstance(result, torch.Tensor):
+            self.numbers = max(self.numbers, result.numel())
+        return result
+
+
+@pytest.mark.parametrize("leaf", ["nearest", "central"])
+@pytest.mark.parametrize("depth", [None, 3])
+def test_training_holds_nothing_larger_than_a_few_copies_of_the_vectors(leaf, depth):
+    index = _index(20_000, 2, seed=8)
+    with _Largest() as largest:
+        ts.TSVQ(depth=depth, leaf=leaf).fit(index, complete=True)
+    assert largest.numbers <= 2 * index.features.numel()
+
+
+def test_without_a_depth_leaves_hold_up_to_64():
+    # Far more vectors on one side: the tree is deeper there.
+    near, far = _index(3000, 4, seed=1, spread=20), _index(200, 4, seed=2)
+    index = _index(3200, 4, seed=0)
+    index = replace(index, features=torch.cat((near.features, far.features), dim=1))
+    tree = ts.TSVQ().fit(index, complete=True).tree
+    counts, leaf = tree.counts, tree.children < 0
+    assert counts[leaf].max() <= 64
+    assert leaf.sum() < len(index.sites) / 16
+    assert tree.depth > ts.TSVQ(depth=6).fit(index, complete=True).tree.depth
+
+
+@pytest.mark.parametrize("beam", [1, 2, 3])
+@pytest.mark.parametrize("readable", [None, torch.tensor([True, True, False, True]).expand(30, 4)])
+def test_leaves_of_any_size_propose_their_nearest_member(beam, readable):
+    near, far = _index(900, 4, seed=3, spread=2), _index(100, 4, seed=4)
+    index = replace(_index(1000, 4, seed=5), features=torch.cat((near.features, far.features), dim=1))
+    search = ts.TSVQ(depth=3, beam=beam)
+    state = search.fit(index, complete=readable is None)
+    tree = state.tree
+    assert tree.counts[tree.children < 0].max() > 10 * tree.counts[tree.children < 0].min()
+    queries = torch.cat((_index(15, 4, seed=6, spread=3).features, _index(15, 4, seed=7).features), dim=1)
+    queries = queries if readable is None else queries * readable
+    rows, cost = _found(search, index, _query(queries, readable))
+    weights = index.weights * (1 if readable is None else readable[0])
+    for number, query in enumerate(queries[0]):
+        kept = torch.zeros(1, dtype=torch.int64)
+        for _ in range(tree.depth):
+            first = tree.children[kept]
+            offered = torch.stack(
+                (torch.where(first < 0, kept, first), torch.where(first < 0, -1, first + 1)), 1
+            )
+            offered = offered.flatten()[offered.flatten() >= 0]
+            distance = ((tree.centroids[offered] - query).square() * weights).sum(1)
+            kept = offered[distance.sort(stable=True).indices[:beam]]
+        members = torch.cat([tree.members[tree.starts[one] :][: tree.counts[one]] for one in kept])
+        distance = ((index.features[0, members] - query).square() * weights).sum(1)
+        assert rows[0, number] == members[distance.argmin()]
+        assert cost[0, number] + (query.square() * weights).sum() == distance.min()
 
 
 def test_identical_vectors_are_one_leaf():

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import torch
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Float, Int64
 from pydantic import Field
 from torch import Tensor
 from torch.nn.functional import pad
@@ -222,8 +222,12 @@ class TSVQ(Part):
         )
 
     def copies(self, complete: bool) -> int:  # noqa: ARG002 (the descent handles both)
-        """How much memory training takes, in sizes of the candidates' vectors."""
-        return 6
+        """How much memory training takes, in sizes of the candidates' vectors.
+
+        A given depth may go down to single vectors. There are then almost twice as many centroids as
+        vectors, and half as many nodes to be split at once, with their sums in float64.
+        """
+        return 8 if self.depth is None else 16
 
     def capacity(self, state: TSVQState) -> int:
         """How many queries fit the memory budget: at least one."""
