@@ -10,6 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
+from torch.utils._python_dispatch import TorchDispatchMode
 
 import torchsynth as ts
 from tests.reference import tsvq
@@ -119,6 +120,68 @@ def test_central_leaves_propose_the_member_nearest_to_their_centroid():
         assert state.tree.members[state.tree.starts[node]] == members[distance.argmin()]
 
 
+class _Largest(TorchDispatchMode):
+    """Notes how many numbers the largest new tensor has."""
+
+    numbers = 0
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        result = func(*args, **(kwargs or {}))
+        if isinstance(result, torch.Tensor):
+            self.numbers = max(self.numbers, result.numel())
+        return result
+
+
+@pytest.mark.parametrize("leaf", ["nearest", "central"])
+@pytest.mark.parametrize("depth", [None, 3])
+def test_training_holds_nothing_larger_than_a_few_copies_of_the_vectors(leaf, depth):
+    index = _index(20_000, 2, seed=8)
+    with _Largest() as largest:
+        ts.TSVQ(depth=depth, leaf=leaf).fit(index, complete=True)
+    assert largest.numbers <= 2 * index.features.numel()
+
+
+def test_without_a_depth_leaves_hold_up_to_64():
+    # Far more vectors on one side: the tree is deeper there.
+    near, far = _index(3000, 4, seed=1, spread=20), _index(200, 4, seed=2)
+    index = _index(3200, 4, seed=0)
+    index = replace(index, features=torch.cat((near.features, far.features), dim=1))
+    tree = ts.TSVQ().fit(index, complete=True).tree
+    counts, leaf = tree.counts, tree.children < 0
+    assert counts[leaf].max() <= 64
+    assert leaf.sum() < len(index.sites) / 16
+    assert tree.depth > ts.TSVQ(depth=6).fit(index, complete=True).tree.depth
+
+
+@pytest.mark.parametrize("beam", [1, 2, 3])
+@pytest.mark.parametrize("readable", [None, torch.tensor([True, True, False, True]).expand(30, 4)])
+def test_leaves_of_any_size_propose_their_nearest_member(beam, readable):
+    near, far = _index(900, 4, seed=3, spread=2), _index(100, 4, seed=4)
+    index = replace(_index(1000, 4, seed=5), features=torch.cat((near.features, far.features), dim=1))
+    search = ts.TSVQ(depth=3, beam=beam)
+    state = search.fit(index, complete=readable is None)
+    tree = state.tree
+    assert tree.counts[tree.children < 0].max() > 10 * tree.counts[tree.children < 0].min()
+    queries = torch.cat((_index(15, 4, seed=6, spread=3).features, _index(15, 4, seed=7).features), dim=1)
+    queries = queries if readable is None else queries * readable
+    rows, cost = _found(search, index, _query(queries, readable))
+    weights = index.weights * (1 if readable is None else readable[0])
+    for number, query in enumerate(queries[0]):
+        kept = torch.zeros(1, dtype=torch.int64)
+        for _ in range(tree.depth):
+            first = tree.children[kept]
+            offered = torch.stack(
+                (torch.where(first < 0, kept, first), torch.where(first < 0, -1, first + 1)), 1
+            )
+            offered = offered.flatten()[offered.flatten() >= 0]
+            distance = ((tree.centroids[offered] - query).square() * weights).sum(1)
+            kept = offered[distance.sort(stable=True).indices[:beam]]
+        members = torch.cat([tree.members[tree.starts[one] :][: tree.counts[one]] for one in kept])
+        distance = ((index.features[0, members] - query).square() * weights).sum(1)
+        assert rows[0, number] == members[distance.argmin()]
+        assert cost[0, number] + (query.square() * weights).sum() == distance.min()
+
+
 def test_identical_vectors_are_one_leaf():
     index = Index(
         torch.full((1, 9, 2), 5.0), torch.arange(9), torch.tensor([1, 1]), (1, 9), torch.zeros(1, 9, 1)
@@ -141,7 +204,7 @@ def test_missing_neighbors_are_left_out():
 def test_training_in_chunks_changes_nothing(monkeypatch):
     index = _index(300, 5, seed=9)
     whole = ts.TSVQ(depth=6).fit(index, complete=True)
-    monkeypatch.setattr("torchsynth.search.tsvq._CHUNK", 17)
+    monkeypatch.setattr("torchsynth.search.tree.CHUNK", 17)
     pieces = ts.TSVQ(depth=6).fit(index, complete=True)
     assert pieces.tree.members.equal(whole.tree.members)
     assert np.array_equal(pieces.tree.centroids, whole.tree.centroids)
@@ -161,3 +224,47 @@ def test_float32_is_left_where_sums_would_no_longer_be_exact():
     # 260 features: |x|^2 - 2 q.x stays below 2**24, (q - x)^2 may not.
     assert matching_dtype(exhaustive, channels=4) == torch.float32
     assert matching_dtype(tree, channels=4) == torch.float64
+
+
+def test_centroid_leaves_propose_the_mean_of_their_members():
+    index = _index(150, 3, seed=6)
+    search = ts.TSVQ(depth=4, leaf="centroid", beam=2)
+    queries = _index(20, 3, seed=7).features
+    state = search.fit(index, complete=True)
+    proposals = search.search(state, _query(queries))
+    choice = Best().choose(proposals.cost)
+    tree, own = state.tree, proposals.values_at(choice.place)
+    leaves = (tree.children < 0).nonzero().flatten().tolist()
+    means = {
+        node: index.values[0, tree.members[tree.starts[node] : tree.starts[node] + tree.counts[node]]].mean(0)
+        for node in leaves
+    }
+    for number, query in enumerate(queries[0]):
+        literal = tsvq.best_leaves(
+            tsvq.grow(index.features[0].double().numpy(), index.weights.numpy(), 4),
+            index.weights.numpy(), query.double().numpy(), 2,
+        )  # fmt: skip
+        members = torch.tensor(literal[0][1])
+        assert own[0, number].equal(index.values[0, members].double().mean(0).round().float())
+        assert own[0, number] in [mean.round() for mean in means.values()]
+
+
+def test_centroid_leaves_have_no_sources(make_exemplar):
+    recipe = ts.recipes.wei_levoy_tsvq(levels=2, neighborhood=5, parent=3, depth=3)
+    sweep = recipe.sweeps[0].model_copy(update={"search": ts.TSVQ(depth=3, leaf="centroid")})
+    recipe = recipe.model_copy(update={"sweeps": (sweep,)})
+    exemplar = make_exemplar(3)
+    result = ts.synthesize(exemplar, (12, 11), recipe, seed=[1, 2])
+    assert (result.source == -1).all()
+    assert ((result.image * 255).round() / 255).sub(result.image).abs().max() < 1e-6
+    smooth = ts.synthesize(exemplar, (12, 11), ts.recipes.wei_levoy_tsvq(levels=2, neighborhood=5, parent=3))
+    assert result.image.std() < smooth.image.std()
+    single = ts.synthesize(exemplar, (12, 11), recipe, seed=2)
+    assert single.image[0].equal(result.image[1])
+    for wish in (result.seams, lambda: result.transfer(exemplar)):
+        with pytest.raises(ts.InputError, match="needs a source map, and so a recipe that copies pixels"):
+            wish()
+    with pytest.raises(ValidationError, match="seams lie between copied patches"):
+        ts.Recipe(levels=1, sweeps=(sweep,), blur_seams=3)
+    with pytest.raises(ValidationError, match="levels inherit sources"):
+        ts.Recipe(levels=2, sweeps=(sweep,), initial=ts.RandomSource())

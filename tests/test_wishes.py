@@ -165,6 +165,17 @@ def test_wrong_wishes_are_told(folder, run, options, message):
     assert sorted(folder.iterdir()) == before
 
 
+def test_what_needs_sources_is_refused_without_them(run, folder):
+    before = sorted(folder.iterdir())
+    centroids = ("--recipe", "wei_levoy_tsvq", "--set", "levels=1", "--set", "sweeps[0].search.leaf=centroid")
+    for option in (("--source-map", "s.npz"), ("--figure", "patches=p.png"), ("--figure", "sources=p.png")):
+        code, said = run("synthesize", "rgb.png", *centroids, *option, "-o", "out.png")
+        assert code == 2
+        assert "needs a source map, and so a recipe that copies pixels, but leaves of the recipe" in said
+    assert sorted(folder.iterdir()) == before
+    assert run("synthesize", "rgb.png", *centroids, "--size", "9x9", "-o", "out.png") == (0, "")
+
+
 @pytest.mark.parametrize(("make", "message"), [
     (lambda: ts.Controls(target=torch.rand(3, 4)), r"target: must have shape \(C, H, W\)"),
     (lambda: ts.Controls(target_region=torch.ones(3, 4, dtype=torch.bool)), "must come with the target"),

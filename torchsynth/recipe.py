@@ -99,7 +99,9 @@ class Recipe(Part):
         if self.blur_seams is not None:
             raise ValueError("seams lie between copied patches, but a sweep's leaves propose centroids")
         if self.initial.inherits and self.levels > 1:
-            raise ValueError("levels inherit sources, but a sweep's leaves propose centroids, which have none")
+            raise ValueError(
+                "levels inherit sources, but a sweep's leaves propose centroids, which have none"
+            )
         return self
 
     @property

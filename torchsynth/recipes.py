@@ -96,7 +96,7 @@ def wei_levoy_tsvq(
     levels: int = 4,
     neighborhood: int | Sequence[int] = 9,
     parent: int | Sequence[int] = 5,
-    depth: int = 8,
+    depth: int | None = None,
     beam: int = 1,
     boundary: Boundary = "torus",
 ) -> Recipe:
@@ -109,7 +109,8 @@ def wei_levoy_tsvq(
         levels: As for :func:`wei_levoy`.
         neighborhood: As for :func:`wei_levoy`.
         parent: As for :func:`wei_levoy`.
-        depth: Depth of the trees. Deeper ones are faster to search and farther from the best match.
+        depth: Depth of the trees; None goes down to leaves of up to 64 candidates. Deeper ones are faster
+            to search and farther from the best match.
         beam: How many nodes a search keeps at each depth. More come closer to the best match, in
             proportion to the time.
         boundary: ``torus`` or ``open``.

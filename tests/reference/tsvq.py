@@ -66,12 +66,18 @@ def distance(one, other, weights):
     return int((weights * (one - other) ** 2).sum())
 
 
-def best_member(tree, vectors, weights, query, beam=1):
-    """Keep the ``beam`` best nodes at each level; then the nearest member of their leaves."""
+def best_leaves(tree, weights, query, beam=1):
+    """Keep the ``beam`` best nodes at each level, down to leaves; the nearest first."""
     kept = [tree]
     while any(node[2] for node in kept):
         offered = [child for node in kept for child in (node[2] or (node,))]
         offered.sort(key=lambda node: distance(query, node[0], weights))
         kept = offered[:beam]
+    return kept
+
+
+def best_member(tree, vectors, weights, query, beam=1):
+    """The nearest member of the best leaves."""
+    kept = best_leaves(tree, weights, query, beam)
     members = [one for _, leaf, _ in kept for one in leaf]
     return min(members, key=lambda one: distance(query, vectors[one], weights))

@@ -9,7 +9,8 @@ from pydantic import Field
 from torchsynth.search.base import Costs, Offers, Proposals, Query, chance, scatter_draws, spare
 from torchsynth.search.coherence import Coherence, CoherenceState
 from torchsynth.search.exhaustive import Exhaustive, ExhaustiveState
-from torchsynth.search.tsvq import TSVQ, Tree, TSVQState
+from torchsynth.search.tree import Tree
+from torchsynth.search.tsvq import TSVQ, TSVQState
 
 Search: TypeAlias = Annotated[Exhaustive | TSVQ | Coherence, Field(discriminator="kind")]
 """Any searcher; the ``kind`` field tells them apart in YAML."""

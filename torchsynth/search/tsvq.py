@@ -1,65 +1,104 @@
-"""Tree-structured vector quantization: descend a binary tree of centroids instead of trying everyone.
-
-The tree is grown level by level. All nodes of a level are split at once: two perturbed centroids each,
-then Lloyd iterations (assign every vector to the nearer child, move the children to the means of their
-vectors), in which assigning is a gather and averaging a scatter over all vectors of all nodes.
-
-Centroids are rounded to whole matching steps, as the vectors are. Every distance is then an exact sum of
-whole numbers, and the same tree grows on every machine.
-"""
+"""Tree-structured vector quantization: descend a binary tree of centroids instead of trying everyone."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import torch
 from jaxtyping import Float, Int64
 from pydantic import Field
 from torch import Tensor
+from torch.nn.functional import pad
 
 from torchsynth.neighborhood import Index
 from torchsynth.part import Part
 from torchsynth.search.base import MEMORY_BUDGET, Proposals, Query
+from torchsynth.search.tree import CHUNK, Blocks, Limits, Tree, bisector, block_size, grow, only_central
 
-# Lloyd's iteration always ends, but nothing is gained by the last of many rounds.
-_MOST_ROUNDS = 100
+# One product with the nodes at the top of the tree is faster than a step for each of their levels.
+_TOP = 64
+# Without a given depth, leaves as large as this stay leaves. Comparing as many members takes about as long
+# as the descent, and leaves that were smaller would find worse matches.
+_ENOUGH = 64
+_DEEPEST = 30
 # Down to this depth a tree takes little memory beside the vectors it was trained on.
 _SHALLOW = 10
-# Vectors handled at once while training: bounds memory, not the result.
-_CHUNK = 1 << 14
+# Members compared at once: they stay in the innermost caches.
+_CHUNK = 1 << 10
 
 
 @dataclass(frozen=True)
-class Tree:
-    """A trained codebook: nodes in the order they grew, the roots (one for each exemplar) first.
+class Nodes:
+    """What a descent needs to know of each node. One more at the end stands for nobody.
 
     Args:
-        centroids: Of every node: whole numbers.
-        children: The first of the two adjacent children of every node, or -1 for a leaf.
-        members: Vectors sorted by leaf, ascending within a leaf.
-        starts: Where the members of a node begin; for leaves.
-        counts: How many vectors a node stands for.
-        depth: The number of steps from a root to the deepest leaf.
+        centroids: Of every node.
+        lengths: Their weighted squared lengths; infinite for nobody.
+        toward: Twice the weighted way from the first to the second child.
+        limit: What a query's product with that has to exceed to be nearer to the second; infinite where
+            there are no children.
+        steps: The first child, or the node itself where there are none.
+        twins: The two nodes that replace each one in a beam: the children; or itself and nobody.
+        depth: The number of steps to the deepest leaf.
+        top: How many of these steps go to one of the first ``few`` nodes.
+        few: How many nodes these are.
     """
 
     centroids: Float[Tensor, "nodes features"]
-    children: Int64[Tensor, " nodes"]
-    members: Int64[Tensor, " vectors"]
-    starts: Int64[Tensor, " nodes"]
-    counts: Int64[Tensor, " nodes"]
+    lengths: Float[Tensor, " nodes"]
+    toward: Float[Tensor, "nodes features"]
+    limit: Float[Tensor, " nodes"]
+    steps: Int64[Tensor, " nodes"]
+    twins: Int64[Tensor, "nodes 2"]
     depth: int
+    top: int
+    few: int
 
-    def beside(self, vectors: Tensor) -> Tree:
-        """The tree on the device of some vectors, its centroids in their dtype."""
-        return replace(
-            self,
-            centroids=self.centroids.to(vectors),
-            children=self.children.to(vectors.device),
-            members=self.members.to(vectors.device),
-            starts=self.starts.to(vectors.device),
-            counts=self.counts.to(vectors.device),
-        )
+    @classmethod
+    def of(cls, tree: Tree, weights: Tensor, exemplars: int) -> Nodes:
+        """Prepare a tree for descents."""
+        leaf = pad(tree.children < 0, (0, 1), value=True)
+        own = torch.arange(len(leaf), device=leaf.device)
+        nobody = len(leaf) - 1
+        centroids = pad(tree.centroids, (0, 0, 0, 1))
+        lengths = centroids.square() @ weights
+        lengths[nobody] = float("inf")
+        steps = torch.where(leaf, own, pad(tree.children, (0, 1)))
+        second = steps + ~leaf
+        toward, limit = bisector(centroids[steps], centroids[second], weights)
+        twins = torch.stack((steps, torch.where(leaf, nobody, second)), dim=1)
+        top, few = _top(tree, exemplars)
+        limit.masked_fill_(leaf, float("inf"))
+        return cls(centroids, lengths, toward, limit, steps, twins, tree.depth, top, few)
+
+
+@dataclass(frozen=True)
+class Leaves:
+    """The members of the leaves, in blocks of one size.
+
+    Args:
+        places: Where the vectors of each block are; any where it is not full.
+        lengths: Their weighted squared lengths; infinite where it is not full.
+        first: The first block of each node, for leaves; one more node at the end stands for nobody.
+        sizes: How many blocks these are; none for nobody.
+    """
+
+    places: Int64[Tensor, "blocks size"]
+    lengths: Float[Tensor, "blocks size"]
+    first: Int64[Tensor, " nodes"]
+    sizes: Int64[Tensor, " nodes"]
+
+    @classmethod
+    def of(cls, tree: Tree, members: Tensor, weights: Tensor) -> Leaves:
+        """Cut the members of a tree's leaves into blocks."""
+        leaf = tree.children < 0
+        counts = tree.counts * leaf
+        blocks = Blocks.of(tree.starts, counts, block_size(len(members), int(leaf.sum())))
+        lengths = torch.cat([chunk.square() @ weights for chunk in members.split(CHUNK)])
+        lengths = lengths[blocks.places].masked_fill_(~blocks.there, float("inf"))
+        sizes = pad(blocks.owner.bincount(minlength=len(counts)), (0, 1))
+        return cls(blocks.places, lengths, sizes.cumsum(0) - sizes, sizes)
 
 
 @dataclass(frozen=True)
@@ -68,36 +107,72 @@ class TSVQState:
 
     Args:
         tree: The codebook.
-        vectors: All exemplars' candidates, one after the other.
+        nodes: What descents know of it.
+        members: The vectors in the order of the tree's members.
+        rows: Which candidates they are.
+        leaves: How they are shared out among the leaves.
         weights: How much each feature's squared difference counts.
-        toward: For each node, twice the weighted way from its first to its second child.
-        limit: What a query's product with that has to exceed to be nearer to the second.
         exemplars: How many exemplars there are.
-        leaf_size: The largest number of members of a leaf.
+        own: The mean value of each leaf's members, rounded to whole steps; one more node at the end
+            stands for nobody. None where leaves propose members.
     """
 
     tree: Tree
-    vectors: Float[Tensor, "vectors features"]
+    nodes: Nodes
+    members: Float[Tensor, "vectors features"]
+    rows: Int64[Tensor, " vectors"]
+    leaves: Leaves
     weights: Float[Tensor, " features"]
-    toward: Float[Tensor, "nodes features"]
-    limit: Float[Tensor, " nodes"]
     exemplars: int
-    leaf_size: int
+    own: Float[Tensor, "nodes channels"] | None
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Queries, in the form that distances are computed with.
+
+    Args:
+        features: The queries.
+        products: Minus twice the weighted queries: a vector's product with that, and its own squared
+            length, are its distance, less the query's own squared length.
+        counting: How much each feature counts, if that is not the same for all queries.
+    """
+
+    features: Float[Tensor, "queries features"]
+    products: Float[Tensor, "queries features"]
+    counting: Float[Tensor, "queries features"] | None
+
+    def costs(self, which: Tensor | None, vectors: Tensor, lengths: Tensor) -> Tensor:
+        """What vectors cost the queries ``which`` they belong to; None means all, one after the other."""
+        cost = _product(vectors, self.products, which)
+        if self.counting is None:
+            return cost.add_(lengths)
+        # Unreadable features drop out of the lengths, query by query; what is infinite stays so.
+        nobody = lengths == float("inf")
+        return cost.add_(_product(vectors.square_(), self.counting, which)).masked_fill_(nobody, float("inf"))
+
+    def costs_of(self, nodes: Nodes, chosen: Int64[Tensor, "queries nodes"]) -> Tensor:
+        """What the centroids of some nodes cost each query; nobody's cost is infinite."""
+        flat = chosen.reshape(-1)
+        centroids = nodes.centroids.index_select(0, flat).view(*chosen.shape, -1)
+        return self.costs(None, centroids, nodes.lengths.index_select(0, flat).view_as(chosen))
 
 
 class TSVQ(Part):
     """Search a tree of centroids; fast for large exemplars, and close to exhaustive search.
 
     Args:
-        depth: How often a node may be split on the way from the root. Visible effect: a shallow tree
-            compares more members a leaf and is slower but closer to exhaustive search.
+        depth: How often a node may be split on the way from the root; None goes on wherever a leaf would
+            hold more than 64 vectors. Visible effect: a shallow tree compares more members a leaf and is
+            slower but closer to exhaustive search.
         codewords: The most leaves, or None; the nodes of the largest distortion are split first.
         min_leaf: A node is not split if a child would get fewer vectors than this.
         threshold: Lloyd's iterations of a node end when the distortion falls by less than this share.
         beam: How many nodes are kept at each level of the descent. More find better matches, in
             proportion to the time.
-        leaf: Which member a leaf proposes: ``nearest`` compares all of them to the query, ``central``
-            takes the one nearest to the centroid.
+        leaf: What a leaf proposes: ``nearest`` compares all its members to the query, ``central`` takes
+            the one nearest to the centroid, and ``centroid`` proposes no member but their mean, in the
+            256 steps of matching. Visible effect of the last: smoother, and no source map.
 
     Source:
         Wei & Levoy 2000, section 4; tree growing by Gersho & Gray, *Vector Quantization and Signal
@@ -116,12 +191,17 @@ class TSVQ(Part):
     largest_term: ClassVar[int] = 4 * 128**2
     """The most that one feature adds to a sum: ``(q - x)^2``, or ``2 q.(b - a)``, within -128..127."""
 
-    depth: Annotated[int, Field(ge=1, le=30)] = 8
+    depth: Annotated[int, Field(ge=1, le=_DEEPEST)] | None = None
     codewords: Annotated[int, Field(ge=2)] | None = None
     min_leaf: Annotated[int, Field(ge=1)] = 1
     threshold: Annotated[float, Field(ge=0, lt=1)] = 1e-10
     beam: Annotated[int, Field(ge=1, le=64)] = 1
-    leaf: Literal["nearest", "central"] = "nearest"
+    leaf: Literal["nearest", "central", "centroid"] = "nearest"
+
+    @property
+    def has_sources(self) -> bool:
+        """Whether what it proposes are exemplar pixels."""
+        return self.leaf != "centroid"
 
     def wants(self) -> None:
         """No sources: the neighbors' values are enough."""
@@ -139,261 +219,165 @@ class TSVQ(Part):
         """Train the tree: the part of fitting that takes long, and that a codebook keeps."""
         vectors = index.features.flatten(0, 1)
         weights = index.weights.to(vectors.dtype)
-        tree = _grow(vectors, weights, len(index.features), self).beside(vectors)
-        return _only_central(tree, vectors, weights) if self.leaf == "central" else tree
+        depth, enough = (_DEEPEST, _ENOUGH) if self.depth is None else (self.depth, 1)
+        limits = Limits(depth, self.codewords, self.min_leaf, enough, self.threshold)
+        tree = grow(vectors, weights, len(index.features), limits).beside(vectors)
+        return only_central(tree, vectors, weights) if self.leaf == "central" else tree
 
     def prepare(self, index: Index, tree: Tree) -> TSVQState:
-        """Make a tree of these candidates ready to be searched."""
+        """Lay out a tree of these candidates, and the candidates, for searching."""
         vectors = index.features.flatten(0, 1)
         weights = index.weights.to(vectors.dtype)
+        exemplars = len(index.features)
         tree = tree.beside(vectors)
-        leaves = tree.children < 0
-        first = tree.children.clamp(min=0)
-        toward, limit = _bisector(tree.centroids[first], tree.centroids[(first + 1) * ~leaves], weights)
-        largest = int(tree.counts[leaves].max())
-        return TSVQState(tree, vectors, weights, toward, limit, len(index.features), largest)
+        members = vectors.index_select(0, tree.members)
+        return TSVQState(
+            tree=tree,
+            nodes=Nodes.of(tree, weights, exemplars),
+            members=members,
+            rows=tree.members % index.features.shape[1],
+            leaves=Leaves.of(tree, members, weights),
+            weights=weights,
+            exemplars=exemplars,
+            own=_mean_values(tree, index) if self.leaf == "centroid" else None,
+        )
 
     def copies(self, complete: bool) -> int:  # noqa: ARG002 (the descent handles both)
         """How much memory training takes, in sizes of the candidates' vectors; searching takes less."""
         # A deep tree has up to two nodes for each vector, and their centroids grow in float64.
-        shallow = self.depth <= _SHALLOW or (self.codewords or 2**31) <= 2**_SHALLOW
-        return 6 if shallow else 16
+        deep = self.depth is not None and self.depth > _SHALLOW
+        return 16 if deep and (self.codewords or 2**31) > 2**_SHALLOW else 8
 
     def capacity(self, state: TSVQState) -> int:
         """How many queries fit the memory budget: at least one."""
-        row = self.beam * max(2, state.leaf_size) * state.vectors.shape[1] * 8
-        return max(1, MEMORY_BUDGET // row)
+        return max(1, MEMORY_BUDGET // (8 * _numbers_per_query(state, self.beam)))
 
     def search(self, state: TSVQState, query: Query) -> Proposals:
-        """Propose the members of the best leaves, the nearest leaf first."""
+        """Propose members of the best leaves, the nearest leaf first: the best of each block of members."""
         batch, sites = query.features.shape[:2]
-        queries = query.features[..., :-1].flatten(0, 1)
-        roots = torch.arange(batch, device=queries.device) % state.exemplars
-        nodes = roots.repeat_interleave(sites)
-        counting = state.weights.view(1, 1, -1)
+        features = query.features[..., :-1].flatten(0, 1)
+        counting = None
         if query.readable is not None:
-            counting = query.readable.repeat(batch, 1).unsqueeze(1) * counting
-        if self.beam == 1 and query.readable is None:
-            leaves = _descend(state, queries, nodes).unsqueeze(1)
+            counting = (query.readable * state.weights).repeat(batch, 1)
+        asked = _Asked(features, features * (-2 * state.weights), counting)
+        roots = torch.arange(batch, device=features.device) % state.exemplars
+        nodes = roots.repeat_interleave(sites)
+        if self.beam == 1 and counting is None:
+            leaves = _descend(state.nodes, features, nodes).unsqueeze(1)
         else:
-            leaves = _descend_beam(state.tree, queries, counting, nodes, self.beam)
-        cost, vectors = _compare_members(state, queries, counting, leaves)
-        rows = vectors % (len(state.vectors) // state.exemplars)
-        common = (queries.square().unsqueeze(1) * counting).sum(2)
+            leaves = _descend_beam(state.nodes, asked, nodes, self.beam)
         shape = (batch, sites, -1)
-        return Proposals((cost - common).view(shape), rows.view(shape))
+        if state.own is not None:
+            cost = asked.costs_of(state.nodes, leaves)
+            own = state.own.index_select(0, leaves.view(-1)).view(*shape[:2], leaves.shape[1], -1)
+            return Proposals(cost.view(shape), torch.zeros_like(leaves).view(shape), own)
+        cost, rows = _best_of_blocks(state, asked, leaves)
+        return Proposals(cost.view(shape), rows.view(shape))
 
 
-def _descend(state: TSVQState, queries: Tensor, nodes: Tensor) -> Int64[Tensor, " queries"]:
+def _mean_values(tree: Tree, index: Index) -> Float[Tensor, "nodes channels"]:
+    """The mean value of each leaf's members, in whole steps: exact sums, so the same on every machine."""
+    values = index.values.flatten(0, 1).index_select(0, tree.members).double()
+    leaf = torch.arange(len(tree.counts), device=values.device).repeat_interleave(
+        tree.counts * (tree.children < 0)
+    )
+    sums = values.new_zeros(len(tree.counts) + 1, values.shape[1]).index_add_(0, leaf, values)
+    counts = pad(tree.counts, (0, 1)).clamp(min=1).unsqueeze(1)
+    return (sums / counts).round().to(index.values.dtype)
+
+
+def _top(tree: Tree, exemplars: int) -> tuple[int, int]:
+    """How many levels of the tree, below the roots, are among its first nodes, and how many these are."""
+    levels, few = 0, exemplars
+    begin = 0
+    while levels < tree.depth:
+        end = int(tree.children[begin:few].max()) + 2
+        if end > max(_TOP, exemplars):
+            break
+        begin, few, levels = few, end, levels + 1
+    return levels, few
+
+
+def _product(vectors: Tensor, queries: Tensor, which: Tensor | None) -> Tensor:
+    """The product of each vector ``(groups, size, features)`` with its group's query."""
+    chosen = queries if which is None else queries.index_select(0, which)
+    # Queries as rows: the other way around, this product is ten times slower.
+    return torch.bmm(chosen.unsqueeze(1), vectors.transpose(1, 2)).squeeze(1)
+
+
+def _descend(nodes: Nodes, queries: Tensor, at: Tensor) -> Int64[Tensor, " queries"]:
     """Go to the nearer child until there is none."""
-    for _ in range(state.tree.depth):
-        nearer = (queries * state.toward[nodes]).sum(1) > state.limit[nodes]
-        first = state.tree.children[nodes]
-        nodes = torch.where(first < 0, nodes, first + nearer)
-    return nodes
+    if nodes.top:
+        nearer = queries @ nodes.toward[: nodes.few].T > nodes.limit[: nodes.few]
+        after = nodes.steps[: nodes.few] + nearer
+        at = at.unsqueeze(1)
+        for _ in range(nodes.top):
+            at = after.gather(1, at)
+        at = at.squeeze(1)
+    for _ in range(nodes.top, nodes.depth):
+        products = nodes.toward.index_select(0, at).mul_(queries).sum(1)
+        at = nodes.steps.index_select(0, at) + (products > nodes.limit.index_select(0, at))
+    return at
 
 
-def _descend_beam(
-    tree: Tree, queries: Tensor, counting: Tensor, nodes: Tensor, beam: int
-) -> Int64[Tensor, "queries beam"]:
-    """The best leaves of each query, nearest centroid first; -1 where there are fewer."""
-    kept = nodes.unsqueeze(1)
-    for _ in range(tree.depth):
-        first = torch.where(kept >= 0, tree.children[kept.clamp(min=0)], -1)
-        # A leaf stays as it is; a node is replaced by its two children.
-        second = torch.where(first >= 0, first + 1, -1)
-        offered = torch.stack((torch.where(first >= 0, first, kept), second), dim=2).flatten(1)
-        distance = _distances(tree.centroids, queries, counting, offered)
-        # A stable sort: among equals the one that grew first, and what is missing last.
-        order = distance.sort(dim=1, stable=True).indices[:, :beam]
+def _descend_beam(nodes: Nodes, asked: _Asked, at: Tensor, beam: int) -> Int64[Tensor, "queries beam"]:
+    """The best leaves of each query, nearest centroid first; nobody where there are fewer."""
+    kept = at.unsqueeze(1)
+    for _ in range(nodes.depth):
+        offered = nodes.twins.index_select(0, kept.view(-1)).view(len(kept), -1)
+        cost = asked.costs_of(nodes, offered)
+        # A stable sort: among equals the one that grew first, and nobody last.
+        order = cost.sort(dim=1, stable=True).indices[:, :beam]
         kept = offered.gather(1, order)
     return kept
 
 
-def _distances(points: Tensor, queries: Tensor, counting: Tensor, chosen: Tensor) -> Tensor:
-    """Weighted squared distances of each query to its chosen points; infinite for point -1."""
-    difference = points[chosen.clamp(min=0)] - queries.unsqueeze(1)
-    distance = (difference.square_() * counting).sum(2)
-    return distance.masked_fill_(chosen < 0, float("inf"))
+def _best_of_blocks(state: TSVQState, asked: _Asked, leaves: Tensor) -> tuple[Tensor, Tensor]:
+    """The cost and candidate of the best member in each block, the blocks of each query in a row.
 
-
-def _compare_members(
-    state: TSVQState, queries: Tensor, counting: Tensor, leaves: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Distances of each query to the members of its leaves, and which vectors these are."""
-    tree = state.tree
-    counts = torch.where(leaves >= 0, tree.counts[leaves.clamp(min=0)], 0)
-    within = torch.arange(int(counts.max()), device=leaves.device)
-    there = within < counts.unsqueeze(2)
-    places = (tree.starts[leaves.clamp(min=0)].unsqueeze(2) + within) * there
-    vectors = torch.where(there, tree.members[places], -1).flatten(1)
-    return _distances(state.vectors, queries, counting, vectors), vectors.clamp(min=0)
-
-
-def _grow(vectors: Tensor, weights: Tensor, exemplars: int, options: TSVQ) -> Tree:
-    """Split all nodes of a level at once, level after level."""
-    node = torch.arange(len(vectors), device=vectors.device) // (len(vectors) // exemplars)
-    level = torch.arange(exemplars, device=vectors.device)
-    centroids = _Clusters.of(vectors, weights, node, exemplars).centroids()
-    children = torch.full_like(level, -1)
-    depth = 0
-    for _ in range(options.depth):
-        level = _worth_splitting(vectors, weights, node, centroids, children, level, options)
-        if len(level) == 0:
-            break
-        pairs, side, inside = _split(vectors, weights, node, centroids, level, options)
-        accepted = side.bincount(minlength=len(pairs)).view(-1, 2).amin(1) >= options.min_leaf
-        # The accepted pairs are numbered behind all nodes there are, in the order of their parents.
-        number = len(centroids) + 2 * (accepted.cumsum(0) - 1)
-        children[level[accepted]] = number[accepted]
-        moved = accepted[side // 2]
-        node[inside[moved]] = number[side[moved] // 2] + side[moved] % 2
-        grown = pairs.view(-1, 2, pairs.shape[1])[accepted].flatten(0, 1)
-        depth += len(grown) > 0
-        level = torch.arange(len(centroids), len(centroids) + len(grown), device=node.device)
-        centroids = torch.cat((centroids, grown))
-        children = torch.cat((children, torch.full_like(level, -1)))
-    counts = node.bincount(minlength=len(centroids))
-    starts = counts.cumsum(0) - counts
-    return Tree(centroids, children, node.argsort(stable=True), starts, counts, depth)
-
-
-@dataclass(frozen=True)
-class _Clusters:
-    """What is known of groups of vectors: exact sums, so that moving vectors about loses nothing.
-
-    Args:
-        sums: Of the vectors.
-        squares: Of the vectors' weighted squared lengths.
-        counts: How many there are.
-        weights: How much each feature's squared difference counts.
+    Blocks, and not leaves, because the number of members differs so much from leaf to leaf.
     """
-
-    sums: Float[Tensor, "groups features"]
-    squares: Float[Tensor, " groups"]
-    counts: Int64[Tensor, " groups"]
-    weights: Float[Tensor, " features"]
-
-    @classmethod
-    def of(cls, vectors: Tensor, weights: Tensor, group: Tensor, groups: int) -> _Clusters:
-        empty = torch.zeros(groups, vectors.shape[1], dtype=torch.float64, device=vectors.device)
-        counts = torch.zeros(groups, dtype=torch.int64, device=vectors.device)
-        clusters = cls(empty, empty.new_zeros(groups), counts, weights.double())
-        clusters.add(vectors, group, 1)
-        return clusters
-
-    def add(self, vectors: Tensor, group: Tensor, sign: Literal[1, -1]) -> None:
-        """Put vectors into their groups, or take them out."""
-        for chunk, which in zip(vectors.split(_CHUNK), group.split(_CHUNK), strict=True):
-            wide = chunk.double()
-            self.sums.index_add_(0, which, wide, alpha=sign)
-            self.squares.index_add_(0, which, (wide.square() * self.weights).sum(1), alpha=sign)
-            self.counts.index_add_(0, which, torch.ones_like(which), alpha=sign)
-
-    def centroids(self) -> Tensor:
-        """The means, rounded to whole steps."""
-        return (self.sums / self.counts.clamp(min=1).unsqueeze(1)).round()
-
-    def distortion(self, centroids: Tensor) -> Tensor:
-        """The summed squared distances of each group's vectors to its centroid."""
-        cross = (centroids * self.sums * self.weights).sum(1)
-        return self.squares - 2 * cross + self.counts * (centroids.square() * self.weights).sum(1)
+    blocks, queries, places, most = _blocks_of(state.leaves, leaves)
+    costs, rows = [], []
+    few = max(1, _CHUNK // state.leaves.places.shape[1])
+    for block, query in zip(blocks.split(few), queries.split(few), strict=True):
+        members = state.leaves.places.index_select(0, block)
+        vectors = state.members.index_select(0, members.view(-1)).view(*members.shape, -1)
+        cost = asked.costs(query, vectors, state.leaves.lengths.index_select(0, block))
+        smallest, place = cost.min(1)
+        costs.append(smallest)
+        rows.append(state.rows.index_select(0, members.gather(1, place.unsqueeze(1)).squeeze(1)))
+    shape = len(leaves), most
+    every = costs[0].new_full(shape, float("inf")).put_(places, torch.cat(costs))
+    return every, rows[0].new_zeros(shape).put_(places, torch.cat(rows))
 
 
-def _worth_splitting(
-    vectors: Tensor, weights: Tensor, node: Tensor, centroids: Tensor, children: Tensor,
-    level: Tensor, options: TSVQ,
-) -> Tensor:  # fmt: skip
-    """Which nodes of a level to split: as many of the most distorted ones as there may be leaves."""
-    if options.codewords is None:
-        return level
-    spare = max(0, options.codewords - int((children < 0).sum()))
-    distortion = _Clusters.of(vectors, weights, node, len(centroids)).distortion(centroids)[level]
-    worst = distortion.sort(descending=True, stable=True).indices[:spare]
-    return level[worst.sort().values]
-
-
-def _split(
-    vectors: Tensor, weights: Tensor, node: Tensor, centroids: Tensor, level: Tensor, options: TSVQ
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Lloyd's iterations for all nodes of a level.
+def _blocks_of(leaves: Leaves, chosen: Int64[Tensor, "queries beam"]) -> tuple[Tensor, Tensor, Tensor, int]:
+    """The blocks of each query's leaves.
 
     Returns:
-        The centroids of the children, pair after pair; the child of each vector that is in one of the
-        nodes; and which vectors these are.
+        The blocks, query after query; the query of each; where it lies if there is a row for each query;
+        and how long these rows are.
     """
-    place = torch.full((len(centroids),), -1, device=node.device)
-    place[level] = torch.arange(len(level), device=node.device)
-    inside = (place[node] >= 0).nonzero().squeeze(1)
-    parent = place[node[inside]]
-    pairs = _perturbed(vectors, inside, parent, centroids[level])
-    side = 2 * parent + _second_is_nearer(vectors, weights, inside, parent, pairs)
-    clusters = _Clusters.of(vectors[inside], weights, side, len(pairs))
-    before = clusters.distortion(pairs).view(-1, 2).sum(1)
-    moving = torch.ones_like(level, dtype=torch.bool)
-    for _ in range(_MOST_ROUNDS):
-        moves = (moving.repeat_interleave(2) & (clusters.counts > 0)).unsqueeze(1)
-        pairs = torch.where(moves, clusters.centroids(), pairs)
-        still = moving[parent].nonzero().squeeze(1)
-        now = 2 * parent[still] + _second_is_nearer(vectors, weights, inside[still], parent[still], pairs)
-        changed = now != side[still]
-        others = vectors[inside[still[changed]]]
-        clusters.add(others, side[still[changed]], -1)
-        clusters.add(others, now[changed], 1)
-        side[still] = now
-        after = clusters.distortion(pairs).view(-1, 2).sum(1)
-        moving = moving & (before - after > options.threshold * before)
-        before = after
-        if not bool(moving.any()):
-            break
-    return pairs, side, inside
+    flat = chosen.view(-1)
+    sizes = leaves.sizes.index_select(0, flat)
+    stops = sizes.cumsum(0)
+    # What turns a block's number among all that are wanted into its number among all there are ...
+    shift = leaves.first.index_select(0, flat) - stops + sizes
+    rows = sizes.view(chosen.shape).sum(1)
+    most = int(rows.max())
+    # ... and into its place in a row.
+    rows = torch.arange(0, len(rows) * most, most, device=rows.device) - rows.cumsum(0) + rows
+    queries = torch.arange(len(rows), device=rows.device)
+    owner = queries.repeat_interleave(sizes.view(chosen.shape).sum(1))
+    numbers = torch.arange(len(owner), device=rows.device)
+    blocks = numbers + shift.repeat_interleave(sizes, output_size=len(owner))
+    return blocks, owner, numbers + rows.index_select(0, owner), most
 
 
-def _perturbed(vectors: Tensor, inside: Tensor, parent: Tensor, centroids: Tensor) -> Tensor:
-    """Two starting centroids for each node: a quarter of the spread to either side of its own."""
-    spread = torch.zeros_like(centroids)
-    counts = parent.bincount(minlength=len(centroids)).unsqueeze(1)
-    for which, group in zip(inside.split(_CHUNK), parent.split(_CHUNK), strict=True):
-        spread.index_add_(0, group, (vectors[which] - centroids[group]).square_())
-    # Whole steps, and at least one wherever the vectors differ at all.
-    step = ((spread / counts).sqrt() / 4).ceil()
-    return torch.stack((centroids - step, centroids + step), dim=1).flatten(0, 1)
-
-
-def _second_is_nearer(
-    vectors: Tensor, weights: Tensor, inside: Tensor, parent: Tensor, pairs: Tensor
-) -> Tensor:
-    """1 for each vector that is nearer to the second child of its node, 0 for the others and for ties."""
-    first, second = pairs.view(-1, 2, pairs.shape[1]).to(vectors.dtype).unbind(1)
-    toward, limit = _bisector(first, second, weights)
-    nearer = [
-        (vectors[which] * toward[group]).sum(1) > limit[group]
-        for which, group in zip(inside.split(_CHUNK), parent.split(_CHUNK), strict=True)
-    ]
-    return torch.cat(nearer).long()
-
-
-def _bisector(first: Tensor, second: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
-    """``|x - a|^2 > |x - b|^2`` exactly when ``2 x.(b - a) > |b|^2 - |a|^2``: one product for each x."""
-    toward = (second - first) * 2 * weights
-    return toward, ((second.square() - first.square()) * weights).sum(1)
-
-
-def _only_central(tree: Tree, vectors: Tensor, weights: Tensor) -> Tree:
-    """The same tree with one member in each leaf: the one nearest to the centroid."""
-    leaf = torch.repeat_interleave(torch.arange(len(tree.counts), device=vectors.device), tree.counts)
-    distance = torch.cat(
-        [
-            _distances(
-                tree.centroids, vectors[members], weights.expand(len(members), -1),
-                leaves.unsqueeze(1),
-            )[:, 0]
-            for members, leaves in zip(tree.members.split(_CHUNK), leaf.split(_CHUNK), strict=True)
-        ]
-    )  # fmt: skip
-    # Sorted by distance and then, stably, by leaf: the first of each leaf is its central member.
-    near = distance.argsort(stable=True)
-    order = near[leaf[near].argsort(stable=True)]
-    filled = (tree.counts > 0).long()
-    central = tree.members[order[tree.starts[filled > 0]]]
-    return replace(tree, members=central, starts=filled.cumsum(0) - filled, counts=filled)
+def _numbers_per_query(state: TSVQState, beam: int) -> int:
+    """The most numbers that a search holds for each query at once, beyond a chunk of members."""
+    # For each block its own number, query and place, its cost and candidate, and these laid out in rows.
+    blocks = 12 * beam * int(state.leaves.sizes.max())
+    # The queries in three forms, and the nodes of a step.
+    return blocks + (3 + 4 * beam) * state.members.shape[1] + 2 * _TOP
