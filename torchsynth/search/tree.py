@@ -19,7 +19,7 @@ from torch import Tensor
 
 # Lloyd's iteration always ends, but nothing is gained by the last of many rounds.
 _MOST_ROUNDS = 100
-# Vectors handled at once: bounds memory, not the result, and keeps them in the innermost caches.
+# Vectors handled at once: bounds memory, not the result.
 CHUNK = 1 << 11
 # Vectors in a block, where groups are large enough.
 _BLOCK = 32
@@ -109,14 +109,14 @@ class Blocks:
 
 
 def block_size(vectors: int, groups: int) -> int:
-    """How many vectors to put into a block: a power of two, such that padding adds less than half.
+    """How many vectors to put into a block: a power of two, such that padding at most doubles them.
 
     Example:
         >>> block_size(1000, 9), block_size(1000, 200), block_size(1000, 900)
         (32, 4, 1)
     """
-    half = max(1, vectors // groups)
-    return int(min(_BLOCK, 1 << (half.bit_length() - 1)))
+    mean = max(1, vectors // groups)
+    return int(min(_BLOCK, 1 << (mean.bit_length() - 1)))
 
 
 def grow(
