@@ -265,3 +265,21 @@ def test_one_invalid_pixel_reaches_every_level():
     for level, region in enumerate(ts.Exemplar(torch.rand(1, 128, 128), valid).valid_regions(4)):
         assert not region[50 >> level, 77 >> level]
         assert region[:2].all()
+
+
+def test_results_take_part_in_autograd(make_exemplar):
+    previews = []
+    recipe = ts.recipes.ashikhmin_multires(levels=2, neighborhood=3)
+    result = ts.synthesize(
+        make_exemplar(1), (8, 8), recipe, progress=lambda *told: previews.append(told[-1]())
+    )
+    weight = torch.ones(1, requires_grad=True)
+    pictures = [
+        *previews,
+        *(level.image for level in result.levels),
+        *(level.start for level in result.levels),
+    ]
+    for picture in (*pictures, result.cost):
+        (picture * weight).sum().backward()
+    assert weight.grad is not None
+    result.image.add_(1)  # an ordinary tensor

@@ -116,7 +116,9 @@ def synthesize(
     for start, image, plane, level_target in zip(starts, images, planes, targets, strict=True):
         frames = _frames(controls, (start.shape[2], start.shape[3]), device)
         canvases.append(Canvas.blank(start, image, plane, recipe.boundary, level_target, frames))
-    with exact_arithmetic(samples.device.type):
+    # Inference mode spares each of many thousand small operations some bookkeeping: an eighth of the time
+    # of coherent search. Canvases are made outside of it, so that results are ordinary tensors.
+    with exact_arithmetic(samples.device.type), torch.inference_mode():
         begun = _run(recipe, canvases, planes, generators, initial is None, codebook, progress)
     levels = list(map(_finished, canvases, begun))
     if recipe.blur_seams is not None:
@@ -171,13 +173,15 @@ def _run(
         if number == 0 and sown:
             coarser = canvases[level + 1] if level + 1 < recipe.levels else None
             recipe.initial.sow(canvas, coarser, fitted.sites, generators)
-            begun[level] = canvas.image() if recipe.initial.inherits else canvas.start
+            with torch.inference_mode(mode=False):
+                begun[level] = canvas.image() if recipe.initial.inherits else canvas.start
 
         def advance(pixels: int, level: int = level, number: int = number) -> None:
             nonlocal done
             done += pixels
             if progress is not None:
-                progress(level, number, done, total, canvases[level].image)
+                with torch.inference_mode(mode=False):
+                    progress(level, number, done, total, canvases[level].image)
 
         draws = [torch.randint(2**62, (math.prod(canvas.shape),), generator=one) for one in generators]
         advance(0)
