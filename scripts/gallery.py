@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import torchsynth as ts
+from torchsynth import drawing
 
 Pixels: TypeAlias = NDArray[np.float32]
 """A picture to be shown: ``(height, width, 3)``, values in [0, 1]."""
@@ -49,12 +50,13 @@ def resolutions() -> Pixels:
 
 
 def tiles() -> Pixels:
-    """Outputs laid 2x2: with an open border, on a torus, and on a torus with a second pass."""
+    """Outputs laid 2x2: open border, torus, torus with a second pass, and Ashikhmin's mended torus."""
     sample = ts.read_image("sample:pebbles")
     recipes = (
         ts.recipes.wei_levoy(boundary="open"),
         ts.recipes.wei_levoy(boundary="torus"),
         ts.load_recipe(RECIPES / "two_pass.yaml"),
+        ts.recipes.ashikhmin(),
     )
     return in_a_row([np.tile(texture(sample, 128, 128, recipe), (2, 2, 1)) for recipe in recipes])
 
@@ -86,9 +88,9 @@ def levels() -> Pixels:
 
 def initial() -> Pixels:
     """A sample, a picture to start from, and the picture in the sample's texture."""
-    sample, start = ts.read_image("sample:pebbles"), ring(256)
+    sample, start = ts.read_image("sample:pebbles"), ring(192)
     recipe = ts.load_recipe(RECIPES / "restyle.yaml")
-    return in_a_row([shown(sample), shown(start), texture(sample, 256, 256, recipe, ts.Controls(start))])
+    return in_a_row([shown(sample), shown(start), texture(sample, 192, 192, recipe, ts.Controls(start))])
 
 
 def region() -> Pixels:
@@ -101,8 +103,66 @@ def region() -> Pixels:
     return in_a_row([shown(sample), *both])
 
 
+def algorithms() -> Pixels:
+    """Each built-in sample; its texture by Wei-Levoy, by Ashikhmin, and by Ashikhmin on three levels."""
+    recipes = (ts.recipes.wei_levoy(), ts.recipes.ashikhmin(), ts.recipes.ashikhmin_multires())
+    rows = []
+    for name in ("gravel", "grass", "pebbles", "brick"):
+        sample = ts.read_image(f"sample:{name}")
+        rows.append(in_a_row([shown(sample), *(texture(sample, 128, 128, recipe) for recipe in recipes)]))
+    return in_a_row([in_a_column(rows[:2]), in_a_column(rows[2:])])
+
+
+def patches() -> Pixels:
+    """A sample, an output, its patches, their sources and the key to them; a part of it, plain and blurred."""
+    sample = ts.read_image("sample:pebbles")
+    recipe = ts.recipes.ashikhmin()
+    plain = ts.synthesize(sample, (128, 128), recipe, seed=0)
+    blurred = texture(sample, 128, 128, recipe.model_copy(update={"blur_seams": 3}))
+    output, drawn, sources = (
+        shown(one[0]) for one in (plain.image, drawing.draw_patches(plain), drawing.draw_sources(plain))
+    )
+    near = [enlarged(one[72:104, 76:108], 128) for one in (output, blurred)]
+    return in_a_row([shown(sample), output, drawn, source_colors(128, 128), sources, *near])
+
+
+def target() -> Pixels:
+    """Samples, painted rings, and outputs: one pass, five, Wei-Levoy, and only the ring painted."""
+    followed = ts.recipes.with_target(ts.recipes.wei_levoy())
+    once, often = (ts.recipes.ashikhmin_target(passes=passes) for passes in (1, 5))
+    colors = {"pebbles": ((0.28, 0.33, 0.42), (0.78, 0.68, 0.50)), "grass": ((0.30,), (0.68,))}
+    rows = []
+    for name, (ground, figure) in colors.items():
+        sample, region = ts.read_image(f"sample:{name}"), on_ring(128)
+        painted = torch.where(region, as_color(figure), as_color(ground))
+        everywhere, there = ts.Controls(target=painted), ts.Controls(target=painted, target_region=region)
+        wishes = ((once, everywhere), (often, everywhere), (followed, everywhere), (often, there))
+        outputs = [texture(sample, 128, 128, recipe, controls) for recipe, controls in wishes]
+        rows.append(in_a_row([shown(sample), shown(painted), *outputs]))
+    return in_a_column(rows)
+
+
+def fields() -> Pixels:
+    """Brick turned by 45 degrees and by a swirl, pebbles by a zoom and twice as large; with each its field."""
+    shape = (144, 144)
+    wishes = {
+        "brick": (ts.Controls(angle=45.0), ts.Controls(angle=ts.field.swirl(shape, 180.0))),
+        "pebbles": (ts.Controls(scale=ts.field.zoom(shape, 0.5, 1.5)), ts.Controls(scale=2.0)),
+    }
+    rows = []
+    for name, controls in wishes.items():
+        sample = ts.read_image(f"sample:{name}")
+        row = [shown(sample)]
+        for one in controls:
+            drawn = drawing.draw_field(one.angle, one.scale, shape)[0]
+            row += [shown(drawn), texture(sample, *shape, ts.recipes.distorted(), one)]
+        rows.append(in_a_row(row))
+    return in_a_column(rows)
+
+
 PICTURES: tuple[Callable[[], Pixels], ...] = (
-    strip, larger, resolutions, tiles, seeds, transfer, levels, initial, region,
+    strip, larger, resolutions, algorithms, patches, tiles, seeds, transfer, levels, initial, target, fields,
+    region,
 )  # fmt: skip
 
 
@@ -138,11 +198,27 @@ def coordinates(height: int, width: int) -> torch.Tensor:
     return torch.stack((right, down, torch.full_like(down, 0.5)))
 
 
-def ring(side: int) -> torch.Tensor:
-    """A light ring on darker ground, a little noisy: a made-up picture to start from."""
+def source_colors(height: int, width: int) -> Pixels:
+    """The color that a drawing of sources gives each place of a sample of this size."""
+    down, right = torch.meshgrid(torch.linspace(0, 1, height), torch.linspace(0, 1, width), indexing="ij")
+    return shown(torch.stack((right, down, 1 - (right + down) / 2)))
+
+
+def as_color(channels: Sequence[float]) -> torch.Tensor:
+    """One color as a picture that fits any size."""
+    return torch.tensor(channels).view(-1, 1, 1)
+
+
+def on_ring(side: int) -> torch.Tensor:
+    """Where a square picture shows a ring."""
     axis = torch.linspace(-1, 1, side)
     distance = torch.hypot(axis[:, None], axis[None])
-    flat = 0.3 + 0.4 * ((distance > 0.38) & (distance < 0.76)).float()
+    return (distance > 0.38) & (distance < 0.76)
+
+
+def ring(side: int) -> torch.Tensor:
+    """A light ring on darker ground, a little noisy: a made-up picture to start from."""
+    flat = 0.3 + 0.4 * on_ring(side).float()
     noise = torch.rand(3, side, side, generator=torch.Generator().manual_seed(0)) - 0.5
     return (flat + 0.5 * noise).clamp(0, 1)
 
