@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import torchsynth as ts
-from torchsynth import drawing
 
 Pixels: TypeAlias = NDArray[np.float32]
 """A picture to be shown: ``(height, width, 3)``, values in [0, 1]."""
@@ -118,9 +117,9 @@ def patches() -> Pixels:
     sample = ts.read_image("sample:pebbles")
     recipe = ts.recipes.ashikhmin()
     plain = ts.synthesize(sample, (128, 128), recipe, seed=0)
-    blurred = texture(sample, 128, 128, recipe.model_copy(update={"blur_seams": 3}))
+    blurred = texture(sample, 128, 128, ts.recipes.ashikhmin(blur_seams=3))
     output, drawn, sources = (
-        shown(one[0]) for one in (plain.image, drawing.draw_patches(plain), drawing.draw_sources(plain))
+        shown(one[0]) for one in (plain.image, ts.drawing.draw_patches(plain), ts.drawing.draw_sources(plain))
     )
     near = [enlarged(one[72:104, 76:108], 128) for one in (output, blurred)]
     return in_a_row([shown(sample), output, drawn, source_colors(128, 128), sources, *near])
@@ -154,7 +153,7 @@ def fields() -> Pixels:
         sample = ts.read_image(f"sample:{name}")
         row = [shown(sample)]
         for one in controls:
-            drawn = drawing.draw_field(one.angle, one.scale, shape)[0]
+            drawn = ts.drawing.draw_field(one.angle, one.scale, shape)[0]
             row += [shown(drawn), texture(sample, *shape, ts.recipes.distorted(), one)]
         rows.append(in_a_row(row))
     return in_a_column(rows)

@@ -13,7 +13,7 @@ import torchsynth as ts
 SURFACE = [
     "Anticausal", "Best", "Causal", "Codebook", "Coherence", "ConfigError", "Controls", "Exemplar", "Exhaustive", "InputError", "Layer", "Level",
     "Noise", "OutputError", "RandomSource", "Recipe", "Result", "Scanline", "Shuffle", "Simultaneous", "Square", "Sweep",
-    "TSVQ", "TorchsynthError", "dump_recipe", "field", "load_recipe", "metrics", "read_image", "recipes", "synthesize", "train", "write_image",
+    "TSVQ", "TorchsynthError", "drawing", "dump_recipe", "field", "load_recipe", "metrics", "read_image", "recipes", "synthesize", "train", "write_image",
 ]  # fmt: skip
 
 

@@ -212,3 +212,27 @@ OVERRIDES = {
 def test_each_wrong_override_is_told(override):
     with pytest.raises(ts.ConfigError, match=re.escape(OVERRIDES[override])):
         load_recipe("wei_levoy", [override, "name=x"])
+
+
+def test_parameters_of_a_recipe_function_can_be_set_by_name():
+    made = load_recipe("ashikhmin", ["neighborhood=7", "noise=false", "name=mine"])
+    assert made == ts.recipes.ashikhmin(neighborhood=7, noise=False).model_copy(update={"name": "mine"})
+    sizes = load_recipe("wei_levoy", ["neighborhood=[9, 7, 5, 5]", "levels=4"])
+    assert sizes == ts.recipes.wei_levoy(neighborhood=[9, 7, 5, 5])
+    assert load_recipe("random_order", ["search=tsvq"]).sweeps[0].search.kind == "tsvq"
+
+
+@pytest.mark.parametrize(
+    ("name", "setting", "message"),
+    [
+        ("ashikhmin", "neighborhood=4", "ashikhmin: neighborhood=4: must suit the recipe: a neighborhood side "
+         "must be odd, but 4 is even; change it"),
+        ("ashikhmin", "noise=maybe", 'must suit the recipe: input should be a valid boolean, but it is "maybe"'),
+        ("random_order", "search=best", "input should be 'exhaustive', 'tsvq' or 'coherence', but it is \"best\""),
+        ("ashikhmin_target", "passes=21", "passes: must be from 1 to 20, but it is 21"),
+        ("ashikhmin", "search=tsvq", "'search' must be a known field, but there is no such field"),
+    ],
+)  # fmt: skip
+def test_wrong_parameters_are_told(name, setting, message):
+    with pytest.raises(ts.ConfigError, match=re.escape(message)):
+        load_recipe(name, [setting])

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from torchsynth import drawing as drawing
 from torchsynth import field as field
 from torchsynth import metrics as metrics
 from torchsynth import recipes as recipes
@@ -55,6 +56,7 @@ __all__ = [
     "Square",
     "Sweep",
     "TorchsynthError",
+    "drawing",
     "dump_recipe",
     "field",
     "load_recipe",

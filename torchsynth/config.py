@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import inspect
 import json
 import re
 from collections.abc import Iterable, Sequence
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import ValidationError
+from pydantic import ConfigDict, ValidationError, validate_call
 
 from torchsynth import checks
 from torchsynth.errors import ConfigError
@@ -29,7 +30,8 @@ def load_recipe(source: str | Path, overrides: Sequence[str] = ()) -> Recipe:
     Args:
         source: A name from :data:`torchsynth.recipes.RECIPES`, or the path of a YAML or JSON file.
         overrides: Changes like ``levels=3`` or ``sweeps[0].layers[0].template.size=7``; the part after
-            the equals sign is YAML.
+            the equals sign is YAML. Of a recipe given by its name, the parameters of its function can be
+            set as well: ``neighborhood=7``.
 
     Raises:
         ConfigError: If there is no such recipe or file, or if its content is wrong; the message names
@@ -39,7 +41,13 @@ def load_recipe(source: str | Path, overrides: Sequence[str] = ()) -> Recipe:
         >>> load_recipe("wei_levoy", ["levels=2", "boundary=open"]).boundary
         'open'
     """
-    return parse_recipe(_read(source), str(source), overrides)
+    if str(source) not in RECIPES:
+        return parse_recipe(_read(source), str(source), overrides)
+    names = set(inspect.signature(RECIPES[str(source)]).parameters) - set(Recipe.model_fields)
+    parameters = [one for one in overrides if one.partition("=")[0].strip() in names and "=" in one]
+    made = _made(str(source), parameters)
+    rest = [one for one in overrides if one not in parameters]
+    return parse_recipe(made.model_dump(mode="json", exclude_none=True), str(source), rest)
 
 
 def parse_recipe(data: object, subject: str, overrides: Sequence[str] = ()) -> Recipe:
@@ -118,15 +126,32 @@ _Dumper.add_representer(dict, _represent_mapping)
 _Dumper.add_representer(list, _represent_list)
 
 
+def _made(name: str, parameters: Sequence[str]) -> Recipe:
+    """The recipe that a function makes of the given parameters."""
+    make = validate_call(config=ConfigDict(strict=True))(RECIPES[name])
+    values = {}
+    for parameter in parameters:
+        key, _, text = parameter.partition("=")
+        values[key.strip()] = _parse_yaml(text, f"--set {parameter}")
+    try:
+        return make(**values)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        said = problem["msg"].removeprefix("Value error, ")
+        expectation, _, fact = f"{said[0].lower()}{said[1:]}".partition(", but ")
+        raise ConfigError(
+            f"{name}: {', '.join(parameters)}", f"must suit the recipe: {expectation}",
+            fact or f"it is {checks.shortened(problem['input'], json.dumps)}", "change it",
+        ) from None  # fmt: skip
+
+
 def _read(source: str | Path) -> object:
     path = Path(source)
     if path.suffix.lower() not in _SUFFIXES:
-        if str(source) not in RECIPES:
-            raise ConfigError(
-                str(source), f"must be one of the recipes {_listed(RECIPES)}, or a .yaml file",
-                "there is no such recipe", _suggestion(str(source), RECIPES),
-            )  # fmt: skip
-        return RECIPES[str(source)]().model_dump(mode="json", exclude_none=True)
+        raise ConfigError(
+            str(source), f"must be one of the recipes {_listed(RECIPES)}, or a .yaml file",
+            "there is no such recipe", _suggestion(str(source), RECIPES),
+        )  # fmt: skip
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:

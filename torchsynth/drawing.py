@@ -119,7 +119,7 @@ def draw_field(angle: Tensor | float | None, scale: Tensor | float | None, shape
     size = scales[middle[0]][:, middle[1]]
     along = columns * turn.cos() - rows.unsqueeze(1) * turn.sin()
     across = columns * turn.sin() + rows.unsqueeze(1) * turn.cos()
-    half = (_CELL / 3 * size).clamp(1, _CELL * 0.7)
+    half = (_CELL / 4 * size).clamp(1, _CELL / 2 - 1)
     stroke = (across.abs() < 0.75) & (along.abs() <= half)
     tint = (scales.log2() / 2).clamp(-1, 1) * 0.6
     paper = torch.stack((1 + tint.clamp(max=0), 1 - tint.abs(), 1 - tint.clamp(min=0)))

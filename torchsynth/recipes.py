@@ -140,9 +140,10 @@ def wei_levoy_tsvq(
 def ashikhmin(
     *,
     neighborhood: int = 5,
-    noise: bool = False,
+    noise: bool = True,
     tileable: bool = True,
     spare_bottom: bool = False,
+    blur_seams: int | None = None,
     boundary: Boundary = "torus",
 ) -> Recipe:
     """Ashikhmin's synthesis of natural textures: patches of the exemplar, grown pixel by pixel.
@@ -152,13 +153,15 @@ def ashikhmin(
     over the last rows and then once more over the first.
 
     Args:
-        neighborhood: Side of the causal square in pixels, odd, 3 or more. Larger ones make larger
-            patches: smoother textures need 9 or more.
+        neighborhood: Side of the causal square in pixels, odd, 3 or more. Larger ones tell candidates
+            better apart, which smoother textures need: 9 or more.
         noise: Whether pixels that are not synthesized yet are compared, as the noise they are, and offer
-            candidates. Without noise they are left out, which usually looks better in the first rows.
+            candidates: as in the paper. Without noise they are left out: the first rows are then clean, but
+            one large copy from the exemplar.
         tileable: Whether the last rows see the first ones, and the first ones are visited again; an
             open boundary never tiles.
         spare_bottom: See :class:`torchsynth.Coherence`.
+        blur_seams: See :class:`torchsynth.Recipe`.
         boundary: ``torus`` or ``open``.
 
     Raises:
@@ -183,6 +186,7 @@ def ashikhmin(
         boundary=boundary,
         initial=RandomSource(),
         sweeps=_tileable(first, neighborhood) if tileable and boundary == "torus" else (first,),
+        blur_seams=blur_seams,
     )
 
 
@@ -191,7 +195,7 @@ def ashikhmin_multires(
     levels: int = 3,
     neighborhood: int = 5,
     parent: int = 3,
-    noise: bool = False,
+    noise: bool = True,
     boundary: Boundary = "torus",
 ) -> Recipe:
     """Ashikhmin's synthesis on several levels, each beginning with the sources of the coarser one.
@@ -240,7 +244,7 @@ def ashikhmin_multires(
 
 
 def ashikhmin_target(
-    *, passes: int = 1, neighborhood: int = 5, noise: bool = False, boundary: Boundary = "torus"
+    *, passes: int = 1, neighborhood: int = 5, noise: bool = True, boundary: Boundary = "torus"
 ) -> Recipe:
     """Ashikhmin's user control: a texture that follows a painted target.
 
@@ -273,7 +277,8 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
     neighborhood: the part of the square that a causal template leaves out, or all of a square. Further
     passes repeat the sweeps of each level; coherent candidates then come from the full square, the
     pixel's own source among them. Sweeps over some of the rows, which mend the tiling, are left out. A
-    recipe that follows a target already only gets the further passes.
+    recipe that follows a target already only gets the further passes. With exhaustive search, areas of one
+    color come out flat, whatever the number of passes: it finds the exemplar's smoothest place.
 
     Args:
         recipe: Any recipe with a layer on the result plane.
@@ -329,6 +334,7 @@ def random_order(
         boundary: ``torus`` or ``open``.
 
     Raises:
+        ConfigError: If there is no such search.
         pydantic.ValidationError: If a size is even or too small.
 
     Source:
@@ -346,6 +352,10 @@ def random_order(
         "tsvq": TSVQ(),
         "coherence": Coherence(template=Square(size=neighborhood)),
     }
+    if search not in searches:
+        raise ConfigError(
+            "search", f"must be one of {', '.join(searches)}", f"it is {search!r}", "choose one of them"
+        )
     chosen = searches[search]
     on_noise = Sweep(layers=(result,), search=chosen, order=Simultaneous(), levels="coarsest")
     on_coarse = Sweep(layers=(coarse,), search=chosen, order=Simultaneous(), levels="finer")
@@ -383,6 +393,7 @@ def distorted(
         boundary: ``open``, as fields seldom tile; or ``torus``.
 
     Raises:
+        ConfigError: If there is no such search.
         pydantic.ValidationError: If a size is even or too small.
 
     Source:

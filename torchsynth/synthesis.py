@@ -230,7 +230,8 @@ def _picture_for(
         raise InputError(
             subject, f"must have the output's channels, height and width {wanted}",
             f"its shape is {tuple(picture.shape)}",
-            "resize it; a batch needs one picture, or one for each output",
+            "convert it to the exemplar's channels" if batch.shape[1] != wanted[0] and batch.shape[2:] == size
+            else "resize it, and see that its channels are the exemplar's; a batch needs one, or one for each output",
         )  # fmt: skip
     return batch.to(samples).expand(outputs, -1, -1, -1)
 
