@@ -124,7 +124,7 @@ MISTAKES = {
     ),
     "{kind: causal, size: 8}": (
         "{kind: causal, size: 9}",
-        "'sweeps[0].layers[0].template.size': a neighborhood side must be odd, but 8 is even; change it",
+        "'sweeps[0].layers[0].template.size': a side must be odd, but 8 is even; change it",
     ),
     "{kind: causal, size: -3}": (
         "{kind: causal, size: 9}", "'sweeps[0].layers[0].template.size': input should be greater than or equal",
@@ -204,7 +204,7 @@ OVERRIDES = {
     "levels=": "'levels': input should be a valid integer, but it is null",
     "levels=2020-01-01": "must hold plain numbers, texts and lists, but Object of type date",
     "sweeps[0].serach={}": "'sweeps[0].serach' must be a known field",
-    "sweeps[0].layers[0].template.size=8": "a neighborhood side must be odd, but 8 is even",
+    "sweeps[0].layers[0].template.size=8": "a side must be odd, but 8 is even",
 }
 
 
@@ -225,7 +225,7 @@ def test_parameters_of_a_recipe_function_can_be_set_by_name():
 @pytest.mark.parametrize(
     ("name", "setting", "message"),
     [
-        ("ashikhmin", "neighborhood=4", "ashikhmin: neighborhood=4: must suit the recipe: a neighborhood side "
+        ("ashikhmin", "neighborhood=4", "ashikhmin: neighborhood=4: must suit the recipe: a side "
          "must be odd, but 4 is even; change it"),
         ("ashikhmin", "noise=maybe", 'must suit the recipe: input should be a valid boolean, but it is "maybe"'),
         ("random_order", "search=best", "input should be 'exhaustive', 'tsvq' or 'coherence', but it is \"best\""),

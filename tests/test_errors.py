@@ -198,7 +198,7 @@ OPTIONS = {
         "--set",
         "levels",
     ): "--set levels: must look like path=value, but it does not; write e.g. --set levels=3",
-    ("--set", "sweeps[0].layers[0].template.size=4"): "a neighborhood side must be odd, but 4 is even",
+    ("--set", "sweeps[0].layers[0].template.size=4"): "a side must be odd, but 4 is even",
     ("--set", "levels=true"): "'levels': input should be a valid integer, but it is true",
     (
         "--set",

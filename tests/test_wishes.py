@@ -81,7 +81,8 @@ def test_other_recipes_follow_a_target_too(run):
     ("--target", "painted.png", "--passes", "2"),
     ("--target", "target.png", "--target-region", "region.png"),
     ("--size", "12x14", "--angle", "swirl:90", "--scale", "middle.png"),
-    ("--size", "12x14", "--angle", "30", "--scale", "wave:0.2,1,1.1", "--blur-seams", "3"),
+    ("--size", "12x14", "--angle", "30", "--scale", "wave:0.2,1,1.1"),
+    ("--size", "12x14", "--blur-seams", "3"),
 ])  # fmt: skip
 def test_records_make_the_same_bytes(run, options):
     assert run("synthesize", "rgb.png", "--recipe", "ashikhmin", *options, "-o", "a.png") == (0, "")
@@ -93,14 +94,13 @@ def test_records_make_the_same_bytes(run, options):
 def test_fields_on_the_command_line_equal_those_in_python(run):
     code, said = run(
         "synthesize", "rgb.png", "--recipe", "ashikhmin", "--size", "12x14", "--angle", "swirl:90", "--scale",
-        "zoom:0.5,1.5", "-o", "a.png", "--figure", "field=f.png", "--figure", "patches=p.png",
-        "--figure", "sources=s.png",
+        "zoom:0.5,1.5", "-o", "a.png", "--figure", "field=f.png", "--figure", "sources=s.png",
     )  # fmt: skip
     assert (code, said) == (0, "")
     controls = ts.Controls(angle=field.swirl((12, 14), 90.0), scale=field.zoom((12, 14), 0.5, 1.5))
     result = ts.synthesize(ts.read_image("rgb.png"), (12, 14), ts.recipes.ashikhmin(), controls=controls)
     assert ts.read_image("a.png").equal(result.image[0])
-    for kind, name in (("field", "f.png"), ("patches", "p.png"), ("sources", "s.png")):
+    for kind, name in (("field", "f.png"), ("sources", "s.png")):
         drawn = drawing.draw(kind, result, controls)
         assert drawn.shape == (1, 3, 12, 14)
         assert torch.allclose(ts.read_image(name), drawn[0].clamp(0, 1).float(), atol=1 / 255)
@@ -144,6 +144,13 @@ WRONG = {
     ("--scale", "-2"): "scale: must lie from 0.0625 to 16, but it is -2",
     ("--scale", "inf"): "scale: must be finite",
     ("--scale", "zoom:1,99"): "scale: must lie from 0.0625 to 16, but it reaches from 1 to 99",
+    ("--scale", "zoom:-1,2"): "zoom: must go from a factor above 0 to another, but it goes from -1 to 2",
+    ("--angle", "30", "--recipe", "ashikhmin", "--figure", "patches=f.png"): "figure patches: needs an output that "
+    "is neither turned nor scaled",
+    ("--angle", "30", "--recipe", "ashikhmin", "--blur-seams", "3"): "blur_seams: needs an output that is neither",
+    ("--target", "target.png", "--codebook", "c.safetensors"): "--codebook: serves the recipe it was trained for",
+    ("--recipe", "ashikhmin", "--size", "1x17000", "--figure", "patches=f.webp"): "f.webp: ",
+    ("--recipe", "random_order", "--set", "neighborhood=1"): "a square without its center needs a side of 3",
     ("--figure", "field=f.png"): "figure: field can be drawn where there is one",
     ("--figure", "seams=f.png"): "figure: must be one of patches, sources, field, but it is 'seams'",
     ("--figure", "patches"): "--figure: must be KIND=FILE",
@@ -151,7 +158,7 @@ WRONG = {
     ("--figure", "patches=out.png"): "must be a file of its own",
     ("--figure", "patches=p.txt"): "must end in one of",
     ("--figure", "patches=rgb.png"): "it is an input as well",
-    ("--blur-seams", "4"): "'blur_seams': a neighborhood side must be odd, but 4 is even",
+    ("--blur-seams", "4"): "'blur_seams': a side must be odd, but 4 is even",
 }  # fmt: skip
 
 
@@ -189,6 +196,10 @@ def test_what_needs_sources_is_refused_without_them(run, folder):
     (lambda: ts.Controls(scale=torch.zeros(3, 3)), "scale: must lie from 0.0625 to 16, but it is 0"),
     (lambda: ts.Controls(scale=torch.full((3, 3), torch.nan)), "scale: must be finite"),
     (lambda: ts.recipes.with_target(ts.recipes.wei_levoy(), passes=0), "passes: must be from 1 to 20"),
+    (lambda: ts.Controls(scale=torch.zeros(0, 5)), r"scale: must have shape \(H, W\)"),
+    (lambda: checks.check_field(10**400, "angle", None), "angle: must be finite"),
+    (lambda: checks.check_field(1e300, "scale", (0.5, 2.0)), "scale: must lie from 0.5 to 2, but it is 1e"),
+    (lambda: ts.field.zoom((3, 3), 0.0, 1.0), "zoom: must go from a factor above 0"),
 ])  # fmt: skip
 def test_wrong_controls_are_told(make, message):
     with pytest.raises((ts.InputError, ts.ConfigError), match=message):
@@ -249,6 +260,16 @@ def test_blurring_touches_only_the_seams(make_exemplar, boundary):
     beside = ends | ends.roll(1, 1) | ends.roll(1, 2)
     changed = (blurred.image != sharp.image).any(1)
     assert (changed <= beside).all()
+    rows, columns = sharp.source.unbind(1)
+    whole = torch.ones_like(ends)  # pixels whose four neighbors continue their patch
+    for axis, step in ((1, 1), (1, -1), (2, 1), (2, -1)):
+        moved = [place.roll(-step, axis) for place in (rows, columns)]
+        moved[axis - 1] = moved[axis - 1] - step
+        follows = (moved[0] == rows) & (moved[1] == columns)
+        if boundary == "open":
+            follows.select(axis, -1 if step == 1 else 0).fill_(True)
+        whole &= follows
+    assert not (changed & whole).any()
     assert changed.any()
     assert blurred.image.dtype == exemplar.dtype
 
@@ -270,3 +291,62 @@ def test_tileable_output_has_no_sharp_seam():
 
     assert ratio(ts.recipes.ashikhmin(tileable=True)) < 1.3
     assert ratio(ts.recipes.ashikhmin(tileable=False)) > 1.3
+
+
+def test_passes_of_a_recipe_with_passes_are_counted_anew():
+    five = ts.recipes.ashikhmin_target(passes=5)
+    assert ts.recipes.with_target(five, passes=3) == ts.recipes.ashikhmin_target(passes=3)
+    again = ts.recipes.with_target(ts.recipes.with_target(ts.recipes.wei_levoy(), passes=4), passes=2)
+    assert again == ts.recipes.with_target(ts.recipes.wei_levoy(), passes=2)
+
+
+def test_sweeps_that_share_the_rows_all_follow_a_target():
+    layers = (ts.Layer(plane="result", template=ts.Causal(size=3)),)
+    halves = ts.Recipe(levels=1, sweeps=[ts.Sweep(layers=layers, rows=rows) for rows in ((0, 3), (3, None))])
+    following = ts.recipes.with_target(halves)
+    assert [sweep.rows for sweep in following.sweeps] == [(0, 3), (3, None)]
+    assert all(sweep.layers[-1].plane == "target" for sweep in following.sweeps)
+
+
+def test_a_picture_to_start_from_leaves_inheritance_alone(make_exemplar):
+    exemplar, initial = make_exemplar(1, 20, 20), make_exemplar(1, 12, 12, seed=3)
+    recipe = ts.recipes.ashikhmin_multires(levels=2, neighborhood=3)
+    result = ts.synthesize(exemplar, (12, 12), recipe, controls=ts.Controls(initial))
+    coarse = result.levels[1].source[0]
+    rows, columns = torch.meshgrid(torch.arange(12), torch.arange(12), indexing="ij")
+    inherited = 2 * coarse[:, rows // 2, columns // 2] + torch.stack((rows % 2, columns % 2))
+    assert result.levels[0].start[0].equal(exemplar[:, inherited[0], inherited[1]])
+
+
+def test_gray_means_of_a_black_and_white_picture_are_kept(run):
+    black_and_white = (torch.rand(1, 24, 24, generator=torch.Generator().manual_seed(1)) > 0.5).float()
+    ts.write_image(black_and_white, "bw.png", depth="1-bit")
+    assert run("synthesize", "bw.png", "--recipe", "ashikhmin", "--blur-seams", "3", "-o", "out.png") == (
+        0,
+        "",
+    )
+    assert len(ts.read_image("out.png").unique()) > 2
+
+
+def test_alpha_is_no_color_of_a_drawing():
+    exemplar = torch.cat((torch.full((3, 16, 16), 0.25), torch.ones(1, 16, 16)))
+    result = ts.synthesize(exemplar, (6, 6), ts.recipes.ashikhmin(neighborhood=3))
+    drawn = drawing.draw_patches(result)
+    assert sorted(drawn.unique().tolist()) in ([0.25, 1.0], [0.25], [1.0])
+
+
+def test_a_distorted_result_has_no_straight_seams(make_exemplar):
+    result = ts.synthesize(make_exemplar(1), (8, 8), ts.recipes.ashikhmin(), controls=ts.Controls(angle=20.0))
+    with pytest.raises(ts.InputError, match="seams: needs an output that is neither turned nor scaled"):
+        result.seams()
+
+
+def test_patches_are_drawn_on_the_command_line(run):
+    assert run("synthesize", "rgb.png", "--recipe", "ashikhmin", "--size", "12x14", "-o", "a.png", "--count", "2",
+               "--figure", "patches=p.png") == (0, "")  # fmt: skip
+    exemplar = ts.read_image("rgb.png")
+    result = ts.synthesize(exemplar, (12, 14), ts.recipes.ashikhmin(), seed=[0, 1])
+    for item in (0, 1):
+        assert torch.allclose(
+            ts.read_image(f"p-{item}.png"), drawing.draw_patches(result)[item], atol=1 / 255
+        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from numbers import Integral, Real
-from typing import TypeGuard
+from typing import SupportsFloat, TypeGuard
 
 import torch
 from torch import Tensor
@@ -117,13 +117,13 @@ def check_field(field: object, subject: str, bounds: tuple[float, float] | None)
     """
     if field is None:
         return
-    values = torch.as_tensor(field) if _is_number(field) else field
+    values = torch.tensor(_as_float(field), dtype=torch.float64) if _is_number(field) else field
     if not isinstance(values, Tensor) or values.dtype == torch.bool or values.is_complex():
         raise InputError(
             subject, "must be a number, or a tensor (H, W) of numbers", f"it is {shortened(field)}",
             "pass one number, or one for each output pixel",
         )  # fmt: skip
-    if values.ndim not in (0, 2) or (values.ndim == 0 and isinstance(field, Tensor)):
+    if values.ndim not in (0, 2) or (values.ndim == 0 and isinstance(field, Tensor)) or not values.numel():
         raise InputError(
             subject, "must have shape (H, W)", f"its shape is {tuple(values.shape)}",
             "pass one number for each output pixel",
@@ -222,6 +222,13 @@ def shortened(value: object, show: Callable[[object], str] = repr) -> str:
 def _is_whole(value: object) -> TypeGuard[int]:
     # NumPy's integers are welcome; True is not a number of pixels.
     return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def _as_float(number: SupportsFloat) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return float("inf")
 
 
 def _is_number(value: object) -> TypeGuard[float]:

@@ -53,7 +53,9 @@ def synthesize(
     recipe: Annotated[
         str | None,
         typer.Option(
-            help="A recipe by name; see 'torchsynth recipes'. [default: wei_levoy]", show_default=False
+            help="A recipe by name; see 'torchsynth recipes'. [default: wei_levoy; ashikhmin_target with a "
+            "target, wei_levoy_tsvq with a codebook]",
+            show_default=False,
         ),
     ] = None,
     config_file: Config = None,
@@ -62,7 +64,7 @@ def synthesize(
         str | None,
         typer.Option(
             metavar="HxW",
-            help="Height and width of the output. [default: twice the exemplar's]",
+            help="Height and width of the output. [default: the target's, or twice the exemplar's]",
             show_default=False,
         ),
     ] = None,
@@ -75,7 +77,8 @@ def synthesize(
     target: Annotated[
         str | None,
         typer.Option(
-            metavar="FILE", help="Follow this picture, where it is not transparent. [default size: its own]"
+            metavar="FILE",
+            help="Follow this picture; if it has an alpha channel and the exemplar none, where it is opaque.",
         ),
     ] = None,
     target_region: Annotated[
@@ -135,6 +138,11 @@ def synthesize(
             "--count", f"must be from 1 to {_MOST}", f"it is {count}", "choose a number between them"
         )
     usual = "wei_levoy" if target is None else "ashikhmin_target"
+    if codebook is not None and target is not None:
+        raise InputError(
+            "--codebook", "serves the recipe it was trained for", "--target adds another layer to it",
+            "write a recipe that follows a target in YAML, train it with --config, and use it with --config",
+        )  # fmt: skip
     chosen = _chosen(recipe, config_file, changes, usual if codebook is None else "wei_levoy_tsvq")
     job = records.Job(
         exemplar=exemplar,

@@ -13,7 +13,7 @@ from torchsynth._typing import FieldMap, Image
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.lattice import Shape
-from torchsynth.result import Result, check_sources
+from torchsynth.result import Result, check_sources, check_straight
 
 KINDS = ("patches", "sources", "field")
 """What can be drawn."""
@@ -58,6 +58,8 @@ def check_drawable(kind: str, controls: Controls) -> None:
     """
     if kind not in KINDS:
         raise InputError("figure", f"must be one of {', '.join(KINDS)}", f"it is {kind!r}", "choose one")
+    if kind == "patches":
+        check_straight("figure patches", controls.distorts)
     if kind == "field" and not controls.distorts:
         raise InputError(
             "figure", "field can be drawn where there is one", "neither angle nor scale is given",
@@ -76,7 +78,8 @@ def draw_patches(result: Result) -> Image:
         >>> bool((draw_patches(result).amax(1) == 1).equal(result.seams()))
         True
     """
-    colors = result.image if result.image.shape[1] == 3 else result.image.mean(1, keepdim=True)
+    image = result.image
+    colors = image[:, :3] if image.shape[1] in (3, 4) else image[:, :1]  # alpha is no color
     return torch.where(result.seams().unsqueeze(1), 1.0, colors.expand(-1, 3, -1, -1))
 
 

@@ -162,19 +162,27 @@ def memory_needed(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> 
     exemplars, channels, height, width = samples.shape
     item = 4 if matching_dtype(recipe, channels) == torch.float32 else 8
     # Per output pixel: noise twice in float64; start, picture and matching values per channel; the
-    # source twice as int64, a draw, the order, the cost.
-    pixel = channels * (16 + 2 * samples.element_size() + item) + 60
-    features = max(
-        channels * sum(len(layer.template.offsets()) for layer in sweep.layers) for sweep in recipe.sweeps
-    )
-    # The vectors of all candidates, what the searcher makes of them, and which positions they are; then
-    # the neighborhoods of a group of sites.
-    complete = recipe.boundary == "torus"
-    copies = 2 + max(sweep.search.copies(complete) for sweep in recipe.sweeps)
-    index = exemplars * height * width * features * (copies * item + 1)
+    # source twice as int64, a draw, the cost. And once for all outputs: the order, and frames.
+    pixel = channels * (16 + 2 * samples.element_size() + item) + 76
+    shared = 160
+    fitted = max(_fitted_bytes(sweep, recipe, height * width, channels, item) for sweep in recipe.sweeps)
+    features = channels * max(_neighbors(sweep) for sweep in recipe.sweeps)
     group = 4 * GROUP * outputs * features * item
     # A pyramid holds 4/3 of its finest level.
-    return outputs * math.prod(size) * pixel * 4 // 3 + index + group + 3 * MEMORY_BUDGET
+    output = math.prod(size) * (outputs * pixel + shared) * 4 // 3
+    return output + exemplars * fitted + group + 3 * MEMORY_BUDGET
+
+
+def _fitted_bytes(sweep: Sweep, recipe: Recipe, pixels: int, channels: int, item: int) -> int:
+    """The vectors of all candidates, what the searcher makes of them, and which positions they are."""
+    painted = any(layer.plane == "target" for layer in sweep.layers)
+    complete = recipe.boundary == "torus" and sweep.unknown == "read" and not painted
+    copies = 2 + sweep.search.copies(complete)
+    return pixels * channels * _neighbors(sweep) * (copies * item + 1) + sweep.search.beside(pixels)
+
+
+def _neighbors(sweep: Sweep) -> int:
+    return sum(len(layer.template.offsets()) for layer in sweep.layers)
 
 
 def _weighted_features(sweep: Sweep) -> int:

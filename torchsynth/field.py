@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from torchsynth._typing import FieldMap, Frames
+from torchsynth.errors import InputError
 from torchsynth.lattice import Shape
 
 # Frames are rounded to this grid, so that distorted offsets are the same on every machine.
@@ -68,10 +69,18 @@ def zoom(shape: Shape, left: float, right: float) -> FieldMap:
         left: The scale at the left border.
         right: The scale at the right border.
 
+    Raises:
+        InputError: If one of them is not more than 0.
+
     Example:
         >>> zoom((1, 3), 0.5, 2.0).round(decimals=9).tolist()
         [[0.5, 1.0, 2.0]]
     """
+    if not (left > 0 and right > 0):
+        raise InputError(
+            "zoom", "must go from a factor above 0 to another", f"it goes from {left:g} to {right:g}",
+            "use e.g. 0.5 to make structures smaller",
+        )  # fmt: skip
     _, columns = _centered(shape)
     share = (columns + 1) / 2
     return left ** (1 - share) * right**share

@@ -76,7 +76,12 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
     checks.check_seeds(job.seeds, None)
     check_storable(files.output, len(exemplar.image), size)
     targets = [_targets(files, number, job.recipe.levels) for number in _numbers(job)]
+    for path in files.figures.values():
+        check_storable(path, 3, size)
     _check_targets(job, files, [path for one in targets for path in one.all])
+    copied = job.recipe.has_sources and job.recipe.blur_seams is None
+    # Means of black and white are gray.
+    depth: Depth = "8-bit" if exemplar.depth == "1-bit" and not copied else exemplar.depth
     sample = _sample(inputs)
     controls = controls_from(inputs, words_of(job), len(exemplar.image), size)
     for kind in files.figures:
@@ -93,7 +98,7 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
         )
         with staging() as put:
             for item, target in enumerate(targets[start : start + batch]):
-                _put_output(put, result, item, exemplar.depth, target)
+                _put_output(put, result, item, depth, target)
                 for kind, path in target.figures.items():
                     drawing = draw(kind, result, controls)[item]
                     put(path, encode_image(drawing, path, "8-bit"))
@@ -180,8 +185,6 @@ def _check_targets(job: Job, files: Files, targets: Sequence[Path]) -> None:
             str(files.source_map), "a source map must end in .npz",
             f"it ends in {suffix!r}" if suffix else "it has no extension", "rename it",
         )  # fmt: skip
-    for path in files.figures.values():
-        check_storable(path, 3, (1, 1))
     _check_distinct(paths_of(job).values(), targets)
     folder = files.levels
     if folder is not None and os.path.exists(folder) and not os.path.isdir(folder):

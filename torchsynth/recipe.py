@@ -104,6 +104,19 @@ class Recipe(Part):
             )
         return self
 
+    def changed(self, **fields: object) -> Recipe:
+        """The recipe with other values of some fields, checked like any other.
+
+        Raises:
+            pydantic.ValidationError: If the values do not fit.
+
+        Example:
+            >>> from torchsynth import recipes
+            >>> recipes.ashikhmin().changed(blur_seams=3).blur_seams
+            3
+        """
+        return Recipe.model_validate(dict(self) | fields)
+
     @property
     def has_sources(self) -> bool:
         """Whether every pixel of the output is a copy of an exemplar pixel."""

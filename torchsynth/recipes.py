@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Literal
 
+from torchsynth.checks import check_type
 from torchsynth.errors import ConfigError
 from torchsynth.initial import Noise, RandomSource
 from torchsynth.lattice import Boundary
@@ -267,7 +268,7 @@ def ashikhmin_target(
     """
     plain = ashikhmin(neighborhood=neighborhood, noise=noise, tileable=False, boundary=boundary)
     named = {"name": "ashikhmin_target", "description": "Ashikhmin 2001, following a painted target"}
-    return with_target(plain, passes=passes).model_copy(update=named)
+    return with_target(plain, passes=passes).changed(**named)
 
 
 def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
@@ -277,7 +278,7 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
     neighborhood: the part of the square that a causal template leaves out, or all of a square. Further
     passes repeat the sweeps of each level; coherent candidates then come from the full square, the
     pixel's own source among them. Sweeps over some of the rows, which mend the tiling, are left out. A
-    recipe that follows a target already only gets the further passes. With exhaustive search, areas of one
+    recipe that follows a target already gets another number of passes. With exhaustive search, areas of one
     color come out flat, whatever the number of passes: it finds the exemplar's smoothest place.
 
     Args:
@@ -295,7 +296,8 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
         >>> len(recipe.sweeps), [layer.plane for layer in recipe.sweeps[0].layers]
         (2, ['result', 'coarse', 'target'])
     """
-    if not 1 <= passes <= _MOST_PASSES:
+    check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.wei_levoy()")
+    if not isinstance(passes, int) or not 1 <= passes <= _MOST_PASSES:
         raise ConfigError(
             "passes", f"must be from 1 to {_MOST_PASSES}", f"it is {passes}", "choose a number between them"
         )
@@ -303,11 +305,10 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
         raise ConfigError(
             recipe.name, "must have a layer on the result plane", "there is none", "choose another recipe"
         )
-    whole = [sweep.model_copy(update={"rows": None}) for sweep in recipe.sweeps if not _is_mending(sweep)]
-    first = whole if recipe.follows_target else [_following(sweep) for sweep in whole]
+    first = _first_pass(recipe) if recipe.follows_target else [_following(one) for one in _whole(recipe)]
     again = [_again(sweep) for sweep in first if any(layer.plane == "target" for layer in sweep.layers)]
     name = recipe.name if recipe.follows_target else f"{recipe.name} with target"
-    return recipe.model_copy(update={"name": name, "sweeps": (*first, *(again * (passes - 1)))})
+    return recipe.changed(name=name, sweeps=(*first, *(again * (passes - 1))))
 
 
 def random_order(
@@ -407,9 +408,7 @@ def distorted(
         levels=levels, neighborhood=neighborhood, parent=parent, search=search, order_seed=order_seed,
         boundary=boundary,
     )  # fmt: skip
-    return recipe.model_copy(
-        update={"name": "distorted", "description": "Random order, for fields of angle and scale"}
-    )
+    return recipe.changed(name="distorted", description="Random order, for fields of angle and scale")
 
 
 RECIPES: dict[str, Callable[[], Recipe]] = {
@@ -454,6 +453,23 @@ def _tileable(first: Sweep, neighborhood: int) -> tuple[Sweep, ...]:
         "rows": (-rim, rim),
     }
     return first.model_copy(update={"rows": (0, -rim)}), first.model_copy(update=around)
+
+
+def _whole(recipe: Recipe) -> list[Sweep]:
+    """The sweeps over all rows; one that leaves rows to a mending sweep takes them back."""
+    main = [sweep for sweep in recipe.sweeps if not _is_mending(sweep)]
+    if {level for sweep in main for level in recipe.levels_of(sweep)} != set(range(recipe.levels)):
+        return list(recipe.sweeps)  # their rows are shared out in another way
+    return [sweep.model_copy(update={"rows": None}) for sweep in main]
+
+
+def _first_pass(recipe: Recipe) -> list[Sweep]:
+    """The sweeps that are no repetition of an earlier one."""
+    first: list[Sweep] = []
+    for sweep in recipe.sweeps:
+        if sweep not in first and sweep not in [_again(one) for one in first]:
+            first.append(sweep)
+    return first
 
 
 def _is_mending(sweep: Sweep) -> bool:

@@ -6,9 +6,9 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from torchsynth import config
 from torchsynth.errors import ConfigError
@@ -25,7 +25,7 @@ class Job:
     Args:
         exemplar: Path of the sample, or ``sample:NAME``.
         recipe: The algorithm.
-        size: Height and width; None means twice the exemplar's.
+        size: Height and width; None means the target's, or twice the exemplar's.
         seeds: One for each output.
         valid: Path of a picture that is white where the exemplar may be sampled.
         initial: Path of a picture to start from.
@@ -142,7 +142,7 @@ class _Record(BaseModel):
     """What :func:`record_of` writes; it may hold more than is needed to read it."""
 
     recipe: dict[str, Any]
-    size: tuple[int, int]
+    size: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]]
     seed: int
     inputs: dict[
         Literal["exemplar", "valid", "initial", "target", "target_region", "angle", "scale", "codebook"],

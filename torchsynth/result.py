@@ -46,6 +46,7 @@ class Result:
         levels: All pyramid levels, the finest first.
         recipe: How it was made.
         seeds: One for each sample.
+        distorted: Whether a field turned or scaled the neighborhoods.
 
     Example:
         >>> import torch, torchsynth as ts
@@ -57,6 +58,7 @@ class Result:
     levels: tuple[Level, ...]
     recipe: Recipe
     seeds: tuple[int, ...]
+    distorted: bool = False
 
     @property
     def image(self) -> Image:
@@ -91,6 +93,7 @@ class Result:
             torch.Size([1, 8, 8])
         """
         self._check_sources("seams")
+        check_straight("seams", self.distorted)
         return seams(self.source, self.recipe.boundary)
 
     def transfer(self, other: Tensor) -> Tensor:
@@ -143,6 +146,22 @@ def check_sources(recipe: Recipe, wish: str) -> None:
         )  # fmt: skip
 
 
+def check_straight(wish: str, distorted: bool) -> None:
+    """Patches are continued straight on only where no field turns or scales them.
+
+    Raises:
+        InputError: If one does.
+
+    Example:
+        >>> check_straight("seams", distorted=False)
+    """
+    if distorted:
+        raise InputError(
+            wish, "needs an output that is neither turned nor scaled", "a field distorts it",
+            "leave out angle and scale",
+        )  # fmt: skip
+
+
 def seams(source: SourceMap, boundary: Boundary) -> Bool[Tensor, "batch height width"]:
     """Where the patches of a source map end; see :meth:`Result.seams`.
 
@@ -151,15 +170,26 @@ def seams(source: SourceMap, boundary: Boundary) -> Bool[Tensor, "batch height w
         >>> seams(source, "open").tolist()
         [[[False, True, False]]]
     """
-    found = torch.zeros_like(source[:, 0], dtype=torch.bool)
+    below, right = breaks(source, boundary)
+    return below | right
+
+
+def breaks(source: SourceMap, boundary: Boundary) -> tuple[Tensor, Tensor]:
+    """Where a pixel's patch does not go on below it, and where it does not go on to its right.
+
+    Example:
+        >>> breaks(torch.tensor([[[[0, 0, 0]], [[1, 2, 9]]]]), "open")[1].tolist()
+        [[[False, True, False]]]
+    """
+    found = []
     for axis in (0, 1):
         expected = source.clone()
         expected[:, axis] += 1
         broken = (source.roll(-1, axis + 2) != expected).any(1)
         if boundary == "open":
             broken.select(axis + 1, -1).fill_(False)
-        found |= broken
-    return found
+        found.append(broken)
+    return found[0], found[1]
 
 
 def transfer(source: SourceMap, other: Tensor, exemplar_shape: Shape) -> Tensor:

@@ -29,7 +29,7 @@ from torchsynth.lattice import Boundary, Shape
 from torchsynth.neighborhood import Plane, output_plane, quantize
 from torchsynth.pyramid import blur, border_of, gaussian_pyramid, masked_pyramid
 from torchsynth.recipe import Recipe
-from torchsynth.result import Level, Result, seams
+from torchsynth.result import Level, Result, breaks, check_straight
 from torchsynth.sweep import Fitted, run_sweep
 
 Progress: TypeAlias = Callable[[int, int, int, int, Callable[[], Image]], None]
@@ -95,6 +95,8 @@ def synthesize(
     initial = _picture_for("initial", controls.initial, samples, size, len(seeds))
     target = _picture_for("target", controls.target, samples, size, len(seeds))
     _check_fields(controls, size)
+    if recipe.blur_seams is not None:
+        check_straight("blur_seams", controls.distorts)
     check_target(recipe, target is not None)
     check_memory(recipe, samples, size, len(seeds))
     check_rows(recipe, size)
@@ -119,11 +121,11 @@ def synthesize(
     # Inference mode spares each of many thousand small operations some bookkeeping: an eighth of the time
     # of coherent search. Canvases are made outside of it, so that results are ordinary tensors.
     with exact_arithmetic(samples.device.type), torch.inference_mode():
-        begun = _run(recipe, canvases, planes, generators, initial is None, codebook, progress)
+        begun = _run(recipe, canvases, planes, generators, initial is not None, codebook, progress)
     levels = list(map(_finished, canvases, begun))
     if recipe.blur_seams is not None:
         levels[0] = _with_blurred_seams(levels[0], recipe.blur_seams, recipe.boundary)
-    return Result(tuple(levels), recipe, tuple(seeds))
+    return Result(tuple(levels), recipe, tuple(seeds), controls.distorts)
 
 
 @contextmanager
@@ -149,11 +151,14 @@ def _run(
     canvases: Sequence[Canvas],
     planes: Sequence[Plane],
     generators: Sequence[torch.Generator],
-    sown: bool,
+    given: bool,
     codebook: Codebook | None,
     progress: Progress | None,
 ) -> list[Image]:
-    """All sweeps of all levels, coarse to fine; returns the picture each level started from."""
+    """All sweeps of all levels, coarse to fine; returns the picture each level started from.
+
+    ``given`` says that the coarsest level starts from the user's picture.
+    """
     passes = [
         (level, number, sweep)
         for level in reversed(range(recipe.levels))
@@ -170,8 +175,8 @@ def _run(
             tree = None if codebook is None else codebook.tree(sweep, level, recipe.levels)
             fitted = Fitted.to(sweep, level, canvases, planes, tree)
         fitted = replace(fitted, sweep=sweep)
-        if number == 0 and sown:
-            coarser = canvases[level + 1] if level + 1 < recipe.levels else None
+        coarser = canvases[level + 1] if level + 1 < recipe.levels else None
+        if number == 0 and (coarser is not None or not given):
             recipe.initial.sow(canvas, coarser, fitted.sites, generators)
             with torch.inference_mode(mode=False):
                 begun[level] = canvas.image() if recipe.initial.inherits else canvas.start
@@ -262,8 +267,8 @@ def _frames(controls: Controls, shape: Shape, device: torch.device) -> Frames | 
 
 def _with_blurred_seams(level: Level, size: int, boundary: Boundary) -> Level:
     """The level with its picture blurred on both sides of every patch's boundary."""
-    ends = seams(level.source, boundary)
-    beside = ends | ends.roll(1, 1) | ends.roll(1, 2)
+    below, right = breaks(level.source, boundary)
+    beside = below | below.roll(1, 1) | right | right.roll(1, 2)
     blurred = blur(level.image, size, border_of(boundary))
     return replace(level, image=torch.where(beside.unsqueeze(1), blurred, level.image))
 

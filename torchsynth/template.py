@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import Annotated, Literal, TypeAlias
 
 import torch
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from torchsynth._typing import Offsets
 from torchsynth.part import Part
@@ -24,7 +24,7 @@ from torchsynth.part import Part
 
 def _odd(size: int) -> int:
     if size % 2 == 0:
-        raise ValueError(f"a neighborhood side must be odd, but {size} is even")
+        raise ValueError(f"a side must be odd, but {size} is even")
     return size
 
 
@@ -87,6 +87,12 @@ class Square(Part):
     kind: Literal["square"] = "square"
     size: Side
     center: bool = True
+
+    @model_validator(mode="after")
+    def _has_neighbors(self) -> Square:
+        if self.size == 1 and not self.center:
+            raise ValueError("a square without its center needs a side of 3 or more, but its side is 1")
+        return self
 
     def offsets(self) -> Offsets:
         """The ``(dy, dx)`` of each neighbor, in raster order."""

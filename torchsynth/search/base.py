@@ -2,7 +2,7 @@
 
 A searcher is a part with these verbs: ``wants()`` names the neighbors whose sources it has to see;
 ``fit(index, complete)`` computes whatever it needs of the candidates, once, and ``copies(complete)`` says
-how much memory that takes; ``capacity(state)`` says how many queries fit its memory budget;
+how much memory that takes (and ``beside(pixels)``, what else); ``capacity(state)`` says how many queries fit its memory budget;
 ``largest_term`` bounds its sums, so that they stay exact; ``has_sources`` says whether it proposes exemplar
 pixels; and ``search(state, query)`` proposes candidates with their costs. Which proposal wins is not its
 concern.

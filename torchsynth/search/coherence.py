@@ -109,6 +109,11 @@ class Coherence(Part):
         """How much memory fitting takes, in sizes of the candidates' vectors."""
         return 3 if complete else 5
 
+    def beside(self, pixels: int) -> int:
+        """How many bytes fitting takes for exemplars of so many pixels, beside those copies."""
+        # The table of continuations, twice while it is put together.
+        return 16 * len(self.template.offsets()) * pixels
+
     def capacity(self, state: CoherenceState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
         row = len(state.lines) * state.products.shape[1] * state.products.element_size()
@@ -164,4 +169,6 @@ def _limits(index: Index) -> Int64[Tensor, " candidates"]:
     rows = index.sites // index.shape[1]
     distance = (rows.max() - rows).double() / (rows.max() - rows.min()).clamp(min=1)
     limits: Tensor = distance ** (1 / distance.clamp(min=1e-9))
+    if bool(rows.max() == rows.min()):
+        limits = torch.ones_like(limits)  # no row is nearer to the bottom than another
     return (limits * 2**31).round().long()

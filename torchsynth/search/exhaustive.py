@@ -106,6 +106,10 @@ class Exhaustive(Part):
         """How much memory fitting takes, in sizes of the candidates' vectors."""
         return 1 if complete else 2
 
+    def beside(self, pixels: int) -> int:  # noqa: ARG002 (searchers share one signature)
+        """How many bytes fitting takes for exemplars of so many pixels, beside those copies."""
+        return 0
+
     def capacity(self, state: ExhaustiveState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
         return len(state.workspace) // state.width

@@ -248,6 +248,10 @@ class TSVQ(Part):
         deep = self.depth is not None and self.depth > _SHALLOW
         return 16 if deep and (self.codewords or 2**31) > 2**_SHALLOW else 8
 
+    def beside(self, pixels: int) -> int:  # noqa: ARG002 (searchers share one signature)
+        """How many bytes fitting takes for exemplars of so many pixels, beside those copies."""
+        return 0
+
     def capacity(self, state: TSVQState) -> int:
         """How many queries fit the memory budget: at least one."""
         return max(1, MEMORY_BUDGET // (8 * _numbers_per_query(state, self.beam)))
