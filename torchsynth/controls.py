@@ -23,7 +23,9 @@ class Controls:
             None means everywhere.
         angle: Degrees by which the texture is turned counter-clockwise: a number, or ``(OH, OW)`` for
             each pixel its own; see :mod:`torchsynth.field`.
-        scale: Factor by which its structures are enlarged: a number, or ``(OH, OW)``; more than 0.
+        scale: Factor by which its structures are enlarged: a number, or ``(OH, OW)``; from 1/16 to 16.
+            Visible effect: above about 1.5 outputs become grainy, since pixels are copied and never made
+            larger. The largest scale anywhere decides how far neighborhoods reach, and so the time.
 
     Raises:
         InputError: If a picture has another rank, dtype or range; if the region is not boolean or
