@@ -53,8 +53,8 @@ def synthesize(
     recipe: Annotated[
         str | None,
         typer.Option(
-            help="A recipe by name; see 'torchsynth recipes'. [default: wei_levoy; ashikhmin_target with a "
-            "target, wei_levoy_tsvq with a codebook]",
+            help="A recipe by name; see 'torchsynth recipes'. Default: wei_levoy; ashikhmin_target with a "
+            "target, wei_levoy_tsvq with a codebook.",
             show_default=False,
         ),
     ] = None,
@@ -64,7 +64,7 @@ def synthesize(
         str | None,
         typer.Option(
             metavar="HxW",
-            help="Height and width of the output. [default: the target's, or twice the exemplar's]",
+            help="Height and width of the output. Default: those of the target, or twice those of the exemplar.",
             show_default=False,
         ),
     ] = None,
@@ -183,7 +183,7 @@ def train(
     recipe: Annotated[
         str | None,
         typer.Option(
-            help="A recipe by name that searches with trees. [default: wei_levoy_tsvq]", show_default=False
+            help="A recipe by name that searches with trees. Default: wei_levoy_tsvq.", show_default=False
         ),
     ] = None,
     config_file: Config = None,
