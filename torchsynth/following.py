@@ -1,0 +1,97 @@
+"""Recipes that follow a painted target, made of recipes that do not."""
+
+from __future__ import annotations
+
+from torchsynth.checks import check_type
+from torchsynth.errors import ConfigError
+from torchsynth.neighborhood import Layer
+from torchsynth.recipe import Recipe
+from torchsynth.search import Coherence
+from torchsynth.sweep import Sweep
+from torchsynth.template import Anticausal, Causal, Square
+
+_MOST_PASSES = 20
+
+
+def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
+    """A recipe that follows a painted target, made of one that does not.
+
+    Every sweep that reads its own level also compares the target with the other half of its
+    neighborhood: the part of the square that a causal template leaves out, or all of a square. Further
+    passes repeat the sweeps of each level; coherent candidates then come from the full square, the
+    pixel's own source among them. Sweeps over some of the rows, which mend the tiling, are left out. A
+    recipe that follows a target already gets another number of passes. With exhaustive search, areas of one
+    color come out flat, whatever the number of passes: it finds the exemplar's smoothest place.
+
+    Args:
+        recipe: Any recipe with a layer on the result plane.
+        passes: From 1 to 20.
+
+    Raises:
+        ConfigError: If no sweep could follow a target, or if there are fewer than 1 or more than 20 passes.
+
+    Source:
+        Ashikhmin 2001, section 4; that any such recipe can do it is said in its section 6.
+
+    Example:
+        >>> from torchsynth.recipes import wei_levoy
+        >>> recipe = with_target(wei_levoy(), passes=2)
+        >>> len(recipe.sweeps), [layer.plane for layer in recipe.sweeps[0].layers]
+        (2, ['result', 'coarse', 'target'])
+    """
+    check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.wei_levoy()")
+    if not isinstance(passes, int) or not 1 <= passes <= _MOST_PASSES:
+        raise ConfigError(
+            "passes", f"must be from 1 to {_MOST_PASSES}", f"it is {passes}", "choose a number between them"
+        )
+    if not any(layer.plane == "result" for sweep in recipe.sweeps for layer in sweep.layers):
+        raise ConfigError(
+            recipe.name, "must have a layer on the result plane", "there is none", "choose another recipe"
+        )
+    first = _first_pass(recipe) if recipe.follows_target else [_following(one) for one in _whole(recipe)]
+    again = [_again(sweep) for sweep in first if any(layer.plane == "target" for layer in sweep.layers)]
+    name = recipe.name if recipe.follows_target else f"{recipe.name} with target"
+    return recipe.changed(name=name, sweeps=(*first, *(again * (passes - 1))))
+
+
+def _whole(recipe: Recipe) -> list[Sweep]:
+    """The sweeps over all rows; one that leaves rows to a mending sweep takes them back."""
+    main = [sweep for sweep in recipe.sweeps if not _is_mending(sweep)]
+    if {level for sweep in main for level in recipe.levels_of(sweep)} != set(range(recipe.levels)):
+        return list(recipe.sweeps)  # their rows are shared out in another way
+    return [sweep.model_copy(update={"rows": None}) for sweep in main]
+
+
+def _first_pass(recipe: Recipe) -> list[Sweep]:
+    """The sweeps that are no repetition of an earlier one."""
+    first: list[Sweep] = []
+    for sweep in recipe.sweeps:
+        if sweep not in first and sweep not in [_again(one) for one in first]:
+            first.append(sweep)
+    return first
+
+
+def _is_mending(sweep: Sweep) -> bool:
+    """Whether a sweep visits only some last or first rows, after another has visited the rest."""
+    start, stop = sweep.rows or (0, None)
+    return bool(start) or (stop or 0) > 0
+
+
+def _following(sweep: Sweep) -> Sweep:
+    """The sweep, comparing the target with what its result layers leave to be compared."""
+    results = [layer for layer in sweep.layers if layer.plane == "result"]
+    if not results:
+        return sweep
+    largest = max(results, key=lambda layer: layer.template.size)
+    size = largest.template.size
+    template = Anticausal(size=size) if isinstance(largest.template, Causal) else Square(size=size)
+    layer = Layer(plane="target", template=template, weight=largest.weight)
+    return sweep.model_copy(update={"layers": (*sweep.layers, layer)})
+
+
+def _again(sweep: Sweep) -> Sweep:
+    """The sweep as a further pass: coherent candidates come from the full square."""
+    if not isinstance(sweep.search, Coherence):
+        return sweep
+    full = Square(size=sweep.search.template.size)
+    return sweep.model_copy(update={"search": sweep.search.model_copy(update={"template": full})})
