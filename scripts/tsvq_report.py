@@ -130,7 +130,10 @@ def level_of(result: ts.Result, level: int, count: int) -> Level:
     sites = sites[torch.randperm(len(sites), generator=torch.Generator().manual_seed(0))[:count]]
     cells = to_cells(sites, shape[1])
     planes = [(one, output[level + one.steps_up]) for one in layers]
-    features = [gather(plane, reads_of(one, plane, cells, None).positions) for one, plane in planes]
+    features = [
+        gather(plane, reads_of(one, plane, cells, None).positions.flatten(), len(cells))
+        for one, plane in planes
+    ]
     queries = torch.cat((*features, torch.ones(1, len(sites), 1, dtype=dtype)), dim=2)
     return Level(index, queries, round(len(rank) / len(waves)), len(rank))
 

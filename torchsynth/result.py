@@ -82,7 +82,8 @@ class Result:
         """Where patches end, ``(B, OH, OW)``.
 
         True where the pixel to the right was not copied from the place to the right of this pixel's
-        source, or the pixel below not from the place below it. On a torus the last column and row are compared with the first ones.
+        source, or the pixel below not from the place below it. On a torus the last column and row are
+        compared with the first ones.
 
         Source: Ashikhmin 2001, figure 5.
 
