@@ -51,6 +51,7 @@ from torchsynth.neighborhood import (
     Index,
     Layer,
     Plane,
+    feature_positions,
     gather,
     gather_candidates,
     layer_weights,
@@ -131,7 +132,7 @@ def level_of(result: ts.Result, level: int, count: int) -> Level:
     cells = to_cells(sites, shape[1])
     planes = [(one, output[level + one.steps_up]) for one in layers]
     features = [
-        gather(plane, reads_of(one, plane, cells, None).positions.flatten(), len(cells))
+        gather(plane, feature_positions(plane, reads_of(one, plane, cells, None).positions))
         for one, plane in planes
     ]
     queries = torch.cat((*features, torch.ones(1, len(sites), 1, dtype=dtype)), dim=2)

@@ -13,6 +13,7 @@ from torchsynth.neighborhood import (
     Layer,
     Plane,
     candidates,
+    feature_positions,
     gather,
     gather_candidates,
     layer_weights,
@@ -87,14 +88,11 @@ def test_both_sides_agree_where_the_output_is_the_exemplar():
     cells = to_cells(index.sites, 28)
     for boundary in ("open", "torus"):
         output = [Plane(plane.values, plane.shape, boundary) for plane in planes]
-        found = [
-            gather(
-                output[layer.steps_up],
-                reads_of(layer, output[layer.steps_up], cells, None).positions.flatten(),
-                len(cells),
-            )
-            for layer in layers
-        ]
+        found = []
+        for layer in layers:
+            plane = output[layer.steps_up]
+            reads = reads_of(layer, plane, cells, None)
+            found.append(gather(plane, feature_positions(plane, reads.positions)))
         assert torch.cat(found, 2).equal(index.features)
 
 

@@ -48,7 +48,7 @@ def first_minimum(cost: Float[Tensor, "batch sites *places"]) -> Choice:
     blocks are taken, then the first block that has the smallest, then the first column in it.
     """
     if cost.ndim == 3 or cost.shape[2] == 1:
-        smallest, place = cost.flatten(2).min(2)
+        smallest, place = (cost if cost.ndim == 3 else cost.squeeze(2)).min(2)
         return Choice(place, smallest)
     batch, sites, _, columns = cost.shape
     flat = cost.flatten(0, 1)

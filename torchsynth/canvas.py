@@ -100,7 +100,7 @@ class Canvas:
         values = self.exemplar.flatten(2).transpose(1, 2)
         source = self.source[:, :-1]
         copied = _pick(values, source.clamp(min=0)).transpose(1, 2)
-        given = dequantize(self.plane.values[:, :-1]).to(copied.dtype).transpose(1, 2)
+        given = dequantize(self.plane.values[:, :-2]).to(copied.dtype).transpose(1, 2)
         image = torch.where((source == UNSET).unsqueeze(1), given, copied)
         return image.reshape(batch, channels, *self.shape)
 
@@ -118,6 +118,8 @@ class Canvas:
 
 def _pick(values: Tensor, source: Tensor) -> Tensor:
     """``values[source]`` for one exemplar shared by all outputs, or for one each."""
+    if values.shape[0] == values.shape[2] == 1:
+        return values.take(source).unsqueeze(2)
     if values.shape[0] == 1:
         return values.index_select(1, source.reshape(-1)).view(*source.shape, -1)
     return values.gather(1, source.unsqueeze(2).expand(-1, -1, values.shape[2]))

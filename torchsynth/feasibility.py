@@ -17,7 +17,7 @@ from torchsynth.pyramid import level_shapes
 from torchsynth.recipe import Recipe
 from torchsynth.schedule import visited_rows
 from torchsynth.search.base import MEMORY_BUDGET
-from torchsynth.sweep import GROUP, Sweep
+from torchsynth.sweep import Sweep, group_size
 
 # Up to here every whole number, and so every partial sum of whole numbers, is exact in each type.
 _EXACT_FLOAT32 = 2**24
@@ -167,7 +167,8 @@ def memory_needed(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> 
     shared = 160
     fitted = max(_fitted_bytes(sweep, recipe, height * width, channels, item) for sweep in recipe.sweeps)
     features = channels * max(_neighbors(sweep) for sweep in recipe.sweeps)
-    group = 4 * GROUP * outputs * features * item
+    # Positions as int64, vectors, and copies of both while they are put together.
+    group = group_size(outputs, features) * outputs * features * (16 + 4 * item)
     # A pyramid holds 4/3 of its finest level.
     output = math.prod(size) * (outputs * pixel + shared) * 4 // 3
     return output + exemplars * fitted + group + 3 * MEMORY_BUDGET

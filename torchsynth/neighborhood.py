@@ -75,7 +75,7 @@ class Plane:
 
     Args:
         values: Whole numbers from -128 to 127, one row for each pixel; on the output's side there is
-            one row more, of zeros, for every neighbor that does not exist.
+            one row more, of zeros, for every neighbor that does not exist, and behind it one of ones.
         shape: Height and width.
         boundary: What a neighborhood finds beyond the border.
         valid: Where it may be read at all; None means everywhere.
@@ -195,27 +195,51 @@ def gather_candidates(
 
 
 def output_plane(image: Image, dtype: torch.dtype, boundary: Boundary, valid: Region | None = None) -> Plane:
-    """A plane of the output's side, with its empty pixel behind the last.
+    """A plane of the output's side: behind its last pixel the empty one, and one of ones.
 
     Example:
         >>> output_plane(torch.ones(1, 1, 1, 2), torch.float32, "open").values.flatten().tolist()
-        [127.0, 127.0, 0.0]
+        [127.0, 127.0, 0.0, 1.0]
     """
     height, width = image.shape[2:]
-    values = torch.nn.functional.pad(quantize(image, dtype), (0, 0, 0, 1))
+    values = torch.nn.functional.pad(quantize(image, dtype), (0, 0, 0, 2))
+    values[:, -1] = 1
     return Plane(values, (height, width), boundary, valid)
 
 
-def gather(plane: Plane, positions: Int64[Tensor, " positions"], sites: int) -> Features:
-    """Read the neighborhoods of so many sites from an output plane.
+def gather(plane: Plane, positions: Int64[Tensor, "batch sites features"]) -> Features:
+    """Read the neighborhoods of some sites from an output plane.
 
     Args:
         plane: What to read.
-        positions: The positions of all their neighbors, site after site; the empty pixel gives zeros.
-        sites: How many there are.
+        positions: Where all their features lie; see :func:`feature_positions`.
     """
-    found = plane.values.index_select(1, positions)
-    return found.view(found.shape[0], sites, -1)
+    return plane.values.take(positions)
+
+
+def feature_positions(
+    plane: Plane, positions: Int64[Tensor, "sites neighbors"]
+) -> Int64[Tensor, "batch sites features"]:
+    """Where all channels of some pixels lie in a plane's memory, sample after sample.
+
+    Example:
+        >>> plane = output_plane(torch.rand(2, 3, 1, 2), torch.float32, "open")
+        >>> feature_positions(plane, torch.tensor([[0, 2]])).tolist()
+        [[[0, 1, 2, 6, 7, 8]], [[12, 13, 14, 18, 19, 20]]]
+    """
+    return in_memory(positions, *plane.values.shape)
+
+
+def in_memory(
+    positions: Int64[Tensor, "sites neighbors"], batch: int, pixels: int, channels: int
+) -> Int64[Tensor, "batch sites entries"]:
+    """Where the channels of some pixels lie in the memory of a batch of so many pixels each."""
+    found = positions
+    if channels > 1:
+        places = torch.arange(channels, device=positions.device)
+        found = (positions.unsqueeze(2) * channels + places).flatten(1)
+    samples = torch.arange(batch, device=positions.device) * (pixels * channels)
+    return found + samples.view(-1, 1, 1)
 
 
 def reads_of(layer: Layer, plane: Plane, cells: Cells, frames: Frames | None) -> Reads:
@@ -261,17 +285,18 @@ class _Box:
 
 def _whole_neighborhoods(layer: Layer, plane: Plane) -> Region:
     """Where the layer's template lies inside the plane, on valid pixels only."""
-    valid = plane.valid
-    if valid is None:
-        valid = torch.ones(plane.shape, dtype=torch.bool, device=plane.values.device)
-    whole = torch.zeros_like(valid)
-    box = _Box.of(layer, valid.device)
-    if plane.shape[0] < box.height or plane.shape[1] < box.width:
+    device = plane.values.device
+    whole = torch.zeros(plane.shape, dtype=torch.bool, device=device)
+    box = _Box.of(layer, device)
+    height, width = plane.shape[0] - box.height + 1, plane.shape[1] - box.width + 1
+    if height < 1 or width < 1:
         return whole
-    windows = box.windows(valid.unsqueeze(-1))
-    fits = windows[:, :, 0, box.inside[:, 0], box.inside[:, 1]].all(-1)
     top, left = box.pixel
-    whole[top : top + fits.shape[0], left : left + fits.shape[1]] = fits
+    within = whole[top : top + height, left : left + width]
+    within.fill_(True)
+    if plane.valid is not None:
+        for down, across in box.inside.tolist():
+            within &= plane.valid[down : down + height, across : across + width]
     return whole
 
 
@@ -282,9 +307,18 @@ def _gather_windows(layer: Layer, plane: Plane, cells: Cells, out: Features) -> 
     samples, _, channels = plane.values.shape
     box = _Box.of(layer, cells.device)
     windows = box.windows(plane.values.view(samples, *plane.shape, channels))
-    for start in range(0, len(cells), _CHUNK):
-        chunk = cells[start : start + _CHUNK] - torch.tensor(box.pixel, device=cells.device)
-        rows, columns = chunk.unsqueeze(1).unbind(2)
-        # (sites, neighbors, E, C): the indexed axes come first.
-        found = windows[:, rows, columns, :, box.inside[:, 0], box.inside[:, 1]]
-        out[:, start : start + _CHUNK] = found.permute(2, 0, 1, 3).flatten(2)
+    _, height, width = windows.shape[:3]
+    inside = box.inside[:, 0] * box.width + box.inside[:, 1]
+    rows, columns = (cells - torch.tensor(box.pixel, device=cells.device)).unbind(1)
+    step = max(1, _CHUNK // width)
+    # Cells are in raster order, so those of some rows of windows are neighbors in memory, too.
+    ends = torch.searchsorted(rows.contiguous(), torch.arange(step, height + step, step, device=cells.device))
+    start = 0
+    for block, end in enumerate(ends.tolist()):
+        if end > start:
+            first = block * step
+            some = windows[:, first : first + step].movedim(3, 5).flatten(3, 4)
+            found = some.flatten(1, 2).index_select(2, inside)
+            places = (rows[start:end] - first) * width + columns[start:end]
+            out[:, start:end] = found.flatten(2).index_select(1, places)
+            start = end

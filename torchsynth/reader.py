@@ -8,7 +8,7 @@ turn of a piece.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import accumulate, repeat
 from typing import TypeAlias
 
@@ -19,9 +19,9 @@ from torch import Tensor
 from torchsynth._typing import Draws, Features, Sites
 from torchsynth.canvas import Canvas
 from torchsynth.lattice import Reads, only, to_cells
-from torchsynth.neighborhood import STEPS, Layer, Plane, gather, reads_of
+from torchsynth.neighborhood import STEPS, Layer, Plane, feature_positions, gather, in_memory, reads_of
 from torchsynth.schedule import Reach, Schedule
-from torchsynth.search import Offers, Query, chance, scatter_draws, spare
+from torchsynth.search import Offers, Query, Search, chance, scatter_draws, spare
 from torchsynth.template import Template
 
 Costs: TypeAlias = Float[Tensor, "batch sites"]
@@ -35,7 +35,7 @@ class _Wanted:
     source: Int64[Tensor, "batch positions"]
     reads: Reads
     spares: Int64[Tensor, "batch sites neighbors"]
-    chances: Int64[Tensor, "batch sites neighbors"]
+    chances: Int64[Tensor, "batch sites neighbors"] | None
 
     def offers(self, sizes: list[int]) -> Iterator[Offers]:
         """What they have to offer, piece by piece, each read when it is asked for."""
@@ -45,70 +45,87 @@ class _Wanted:
             given = given.clone()
             given[:, 0] |= ~given.any(1)
         pieces = zip(
-            _flat_split(self.reads.positions, sizes),
+            in_memory(self.reads.positions, len(self.source), self.source.shape[1], 1).split(sizes, dim=1),
             _split(None if given is None else ~given, sizes, unless=False),
             self.spares.split(sizes, dim=1),
-            self.chances.split(sizes, dim=1),
-            strict=True,
+            repeat(None) if self.chances is None else self.chances.split(sizes, dim=1),
+            strict=False,
         )
         for positions, missing, spares, chances in pieces:
-            found = self.source.index_select(1, positions).view(spares.shape)
-            yield Offers(found, missing, spares, chances)
+            yield Offers(self.source.take(positions), missing, spares, chances)
+
+
+@dataclass(frozen=True)
+class _Moving:
+    """Features that are read when the turn of their piece has come: from what is being written."""
+
+    plane: Plane
+    positions: Int64[Tensor, "batch sites features"]
+
+    def pieces(self, sizes: list[int]) -> Iterator[Features]:
+        """Piece by piece, each read when it is asked for."""
+        for positions in self.positions.split(sizes, dim=1):
+            yield gather(self.plane, positions)
+
+
+@dataclass(frozen=True)
+class _Resting:
+    """Features that no sweep changes: they are read already."""
+
+    features: Features
+
+    def pieces(self, sizes: list[int]) -> Iterator[Features]:
+        """Piece by piece."""
+        yield from self.features.split(sizes, dim=1)
 
 
 @dataclass(frozen=True)
 class Gathered:
     """The neighborhoods of a group, complete but for what the sweep itself still changes.
 
-    The columns of ``moving`` layers are filled in when the turn of a piece has come. ``extended`` holds
-    the features and, where some do not exist, what they lack.
+    Args:
+        blocks: The features, side by side; behind them a 1 and, where some do not exist, what is missing.
+        readable: Which features exist; None if all do.
+        wanted: What a search wants to see.
+        asked: The vectors of all pieces that have been queried.
     """
 
-    extended: Features
+    blocks: list[_Moving | _Resting]
     readable: Bool[Tensor, "sites features"] | None
-    moving: list[tuple[slice, Plane, Int64[Tensor, "sites neighbors"]]]
     wanted: _Wanted | None
+    asked: list[Features] = field(default_factory=list)
 
     def queries(self, sizes: list[int]) -> Iterator[tuple[Query, Tensor | None]]:
         """The group's neighborhoods, piece by piece, each read when it is asked for.
 
         With each piece comes which of its sites have nothing at all to go by, if there are any.
         """
-        extended = self.extended.split(sizes, dim=1)
-        features = self.features.split(sizes, dim=1)
         readable = _split(self.readable, sizes)
         seeing: list[Tensor | None] = [None] * len(sizes)
         if self.readable is not None and self.wanted is None:
             seeing = _split(self.readable.any(1), sizes)
         offers = repeat(None) if self.wanted is None else self.wanted.offers(sizes)
-        moving = [
-            (
-                self.features[..., columns].split(sizes, dim=1),
-                plane,
-                _flat_split(positions, sizes),
-            )
-            for columns, plane, positions in self.moving
-        ]
-        for piece, (there, sees, offered) in enumerate(zip(readable, seeing, offers, strict=False)):
-            for columns, plane, positions in moving:
-                columns[piece].copy_(gather(plane, positions[piece], sizes[piece]))
-            whole = there is None
-            query = Query(features[piece], there, offered, None if whole else extended[piece])
+        blocks = zip(*(block.pieces(sizes) for block in self.blocks), strict=True)
+        for there, sees, offered, parts in zip(readable, seeing, offers, blocks, strict=False):
+            extended = parts[0] if len(parts) == 1 else torch.cat(parts, dim=2)
+            self.asked.append(extended)
+            features = extended if self.readable is None else self._features(extended)
+            query = Query(features, there, offered, None if there is None else extended)
             yield query, None if sees is None else ~sees
 
-    @property
-    def features(self) -> Features:
+    def _features(self, extended: Features) -> Features:
         """The features with the 1 behind them."""
         if self.readable is None:
-            return self.extended
-        return self.extended[..., : self.readable.shape[1] + 1]
+            return extended
+        return extended[..., : self.readable.shape[1] + 1]
 
     def distance(self, costs: Costs, weights: Float[Tensor, " features"]) -> Costs:
         """The accepted costs as mean squared differences per compared value, in units of [0, 1].
 
-        To be called when all pieces have been queried: every site's vector is then what it matched.
+        To be called when all pieces have been queried.
         """
-        common = (self.features[..., :-1].square() * weights).sum(2)
+        asked = self._features(torch.cat(self.asked, dim=1))
+        common = (asked[..., :-1].square() * weights).sum(2)
         compared = weights.sum() if self.readable is None else self.readable.to(weights) @ weights
         return (costs + common) / (compared * STEPS**2).clamp(min=1)
 
@@ -121,6 +138,7 @@ class Reader:
         canvas: What is being written.
         bound: For each layer its plane, and whether that plane changes during the sweep.
         wanted: The neighbors whose sources the search wants to see, as a layer.
+        chances: Whether the search wants a random number with each of them, beside the spare candidate.
         candidates: How many candidates there are.
         skips: Whether pixels that are not synthesized yet are left out.
     """
@@ -128,6 +146,7 @@ class Reader:
     canvas: Canvas
     bound: list[tuple[Layer, Plane, bool]]
     wanted: Layer | None
+    chances: bool
     candidates: int
     skips: bool
 
@@ -137,14 +156,15 @@ class Reader:
         layers: Sequence[Layer],
         level: int,
         canvases: Sequence[Canvas],
-        wanted: Template | None,
+        search: Search,
         candidates: int,
         skips: bool,
     ) -> Reader:
-        """Bind the layers of a level to its planes; ``wanted`` is what the search wants to see."""
+        """Bind the layers of a level to its planes, and what the search wants to see."""
         bound = [(layer, plane_of(layer, level, canvases), layer.plane == "result") for layer in layers]
+        wanted = search.wants()
         offering = None if wanted is None else Layer(plane="result", template=wanted)
-        return cls(canvases[level], bound, offering, candidates, skips)
+        return cls(canvases[level], bound, offering, search.takes_chances, candidates, skips)
 
     @property
     def reach(self) -> Reach | None:
@@ -179,15 +199,31 @@ class Reader:
         if self.wanted is not None:
             own_draws = draws.index_select(1, sites)
             wanted = self._wanted(look(self.wanted, self.canvas.plane, True), own_draws)
-        features, readable = self._blank(every)
-        moving = []
-        spans = _spans([reads.positions.shape[1] * self.canvas.plane.values.shape[2] for reads in every])
-        for (_, plane, moves), reads, columns in zip(self.bound, every, spans, strict=True):
-            if moves:
-                moving.append((columns, plane, reads.positions))
-            else:
-                features[..., columns] = gather(plane, reads.positions.flatten(), len(sites))
-        return Gathered(features, readable, moving, wanted)
+        readable = _readable(every, self.canvas.plane.values.shape[2])
+        blocks: list[_Moving | _Resting] = []
+        for (_, plane, moves), reads in zip(self.bound, every, strict=True):
+            positions = feature_positions(plane, reads.positions)
+            blocks.append(_Moving(plane, positions) if moves else _Resting(gather(plane, positions)))
+        self._append_one(blocks, readable, sites)
+        return Gathered(blocks, readable, wanted)
+
+    def _append_one(
+        self,
+        blocks: list[_Moving | _Resting],
+        readable: Bool[Tensor, "sites features"] | None,
+        sites: Sites,
+    ) -> None:
+        """Put the 1 behind the features, and what is missing of them."""
+        last, values = blocks[-1], self.canvas.plane.values
+        if readable is None and isinstance(last, _Moving):
+            # It can be read with them: one call less for each piece.
+            ones = feature_positions(last.plane, torch.full_like(sites, values.shape[1] - 1).unsqueeze(1))
+            blocks[-1] = _Moving(last.plane, torch.cat((last.positions, ones[..., -1:]), dim=2))
+            return
+        tail = values.new_ones(len(values), len(sites), 1)
+        if readable is not None:
+            tail = torch.cat((tail, (~readable).to(tail).expand(len(values), -1, -1)), dim=2)
+        blocks.append(_Resting(tail))
 
     def _known(self, reads: Reads, sites: Sites, batches: Schedule) -> Reads:
         """Leave out what is not synthesized when the site's turn comes, if that is asked for."""
@@ -199,19 +235,8 @@ class Reader:
     def _wanted(self, reads: Reads, draws: Draws) -> _Wanted:
         """The neighbors a search wants to see, and random numbers for each of them."""
         scattered = scatter_draws(draws, reads.positions.shape[1])
-        return _Wanted(self.canvas.source, reads, spare(scattered, self.candidates), chance(scattered))
-
-    def _blank(self, every: Sequence[Reads]) -> tuple[Features, Bool[Tensor, "sites features"] | None]:
-        """Vectors to be filled in, with what stands behind the features; and which features exist."""
-        batch, _, channels = self.canvas.plane.values.shape
-        readable = _readable(every, channels)
-        width = sum(reads.positions.shape[1] for reads in every) * channels
-        columns = width + 1 if readable is None else 2 * width + 1
-        features = self.canvas.plane.values.new_empty(batch, len(every[0].positions), columns)
-        features[..., width] = 1
-        if readable is not None:
-            features[..., width + 1 :] = ~readable
-        return features, readable
+        chances = chance(scattered) if self.chances else None
+        return _Wanted(self.canvas.source, reads, spare(scattered, self.candidates), chances)
 
 
 def plane_of(layer: Layer, level: int, canvases: Sequence[Canvas]) -> Plane:
@@ -227,14 +252,6 @@ def _spans(widths: Sequence[int]) -> list[slice]:
     """Where blocks of these widths lie, one after the other."""
     stops = list(accumulate(widths))
     return [slice(stop - width, stop) for stop, width in zip(stops, widths, strict=True)]
-
-
-def _flat_split(
-    positions: Int64[Tensor, "sites neighbors"], sizes: list[int]
-) -> tuple[Int64[Tensor, " positions"], ...]:
-    """Cut positions into pieces, each of them in one line."""
-    pieces: tuple[Tensor, ...] = positions.view(-1).split([size * positions.shape[1] for size in sizes])
-    return pieces
 
 
 def _split(flags: Tensor | None, sizes: list[int], unless: bool = True) -> list[Tensor | None]:

@@ -29,7 +29,20 @@ from torchsynth.search import TSVQ, Exhaustive, Query, Search, Tree, scatter_dra
 
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
 # enough to bound memory and to report progress often.
-GROUP = 1024
+GROUP = 8192
+_GROUP_VALUES = 2**19
+_SMALLEST_GROUP = 256
+
+
+def group_size(outputs: int, features: int) -> int:
+    """How many sites are gathered together: fewer for large neighborhoods, and for many outputs.
+
+    Example:
+        >>> group_size(1, 13), group_size(8, 65), group_size(1, 10_000)
+        (8192, 1008, 256)
+    """
+    return min(GROUP, max(_SMALLEST_GROUP, _GROUP_VALUES // (outputs * features)))
+
 
 Advance: TypeAlias = Callable[[int], None]
 """Told after each group how many more pixels are done."""
@@ -157,12 +170,13 @@ def run_sweep(
             rows[:, blind] = spare(unseeing, len(candidates))
         return candidates.take(rows), proposals.values_at(choice.place), choice.cost
 
-    wanted, skips = sweep.search.wants(), sweep.unknown == "skip"
-    reader = Reader.of(fitted.layers, level, canvases, wanted, len(candidates), skips)
+    skips = sweep.unknown == "skip"
+    reader = Reader.of(fitted.layers, level, canvases, sweep.search, len(candidates), skips)
     batches = schedule(sweep.order, canvas.shape, reader.reach, canvas.plane.boundary, sweep.rows)
     capacity = max(1, sweep.search.capacity(fitted.state) // len(canvas.source))
     pending: list[tuple[Sites, Rows, Tensor | None]] = []
-    for group in batches.groups(capacity, GROUP):
+    size = group_size(len(canvas.source), len(fitted.weights))
+    for group in batches.groups(capacity, size):
         group_sites = group.sites.to(candidates.device)
         gathered, costs = reader.gather(group_sites, batches, draws), []
         pieces = zip(group_sites.split(group.sizes), gathered.queries(group.sizes), strict=True)

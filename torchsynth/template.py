@@ -13,6 +13,7 @@ everywhere in the library: *neighbor = p + offset*.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Literal, TypeAlias
 
 import torch
@@ -105,5 +106,11 @@ Template: TypeAlias = Annotated[Causal | Anticausal | Square, Field(discriminato
 
 
 def _raster(size: int) -> Offsets:
-    side = torch.arange(size) - size // 2
-    return torch.cartesian_prod(side, side)
+    return _kept_raster(size).clone()
+
+
+@cache
+def _kept_raster(size: int) -> Offsets:
+    with torch.inference_mode(mode=False):
+        side = torch.arange(size) - size // 2
+        return torch.cartesian_prod(side, side)

@@ -1,6 +1,7 @@
 """What the sweep and the searchers say to each other.
 
-A searcher is a part with these verbs: ``wants()`` names the neighbors whose sources it has to see;
+A searcher is a part with these verbs: ``wants()`` names the neighbors whose sources it has to see, and
+``takes_chances`` whether it needs a random number with each;
 ``fit(index, complete)`` computes whatever it needs of the candidates, once, and ``copies(complete)`` says
 how much memory that takes (and ``beside(pixels)``, what else); ``capacity(state)`` says how many queries fit its memory budget;
 ``largest_term`` bounds its sums, so that they stay exact; ``has_sources`` says whether it proposes exemplar
@@ -34,13 +35,13 @@ class Offers(NamedTuple):
         missing: Which neighbors offer nothing, the same for all samples; never all of a site. None
             means that there are none.
         spares: For each offer a random candidate to put in its place.
-        chances: For each offer a random number from 0 to 2**31 - 1.
+        chances: For each offer a random number from 0 to 2**31 - 1; None if the search takes no chances.
     """
 
     source: Int64[Tensor, "batch sites neighbors"]
     missing: Bool[Tensor, "sites neighbors"] | None
     spares: Int64[Tensor, "batch sites neighbors"]
-    chances: Int64[Tensor, "batch sites neighbors"]
+    chances: Int64[Tensor, "batch sites neighbors"] | None = None
 
 
 def chance(draws: Int64[Tensor, "*any"]) -> Int64[Tensor, "*any"]:
@@ -77,14 +78,13 @@ def scatter_draws(draws: Draws, count: int) -> Int64[Tensor, "batch sites count"
     places = torch.arange(1, count + 1, device=draws.device)
     mixed = draws.unsqueeze(2) + places * -0x61C8864680B583EB
     for shift, multiplier in ((30, -0x40A7B892E31B1A47), (27, -0x6B2FB644ECCEEE15)):
-        mixed = (mixed ^ _shifted(mixed, shift)) * multiplier
-    return (mixed ^ _shifted(mixed, 31)) & (2**62 - 1)
+        mixed.bitwise_xor_(_shifted(mixed, shift)).mul_(multiplier)
+    return mixed.bitwise_xor_(_shifted(mixed, 31)).bitwise_and_(2**62 - 1)
 
 
 def _shifted(words: Tensor, shift: int) -> Tensor:
     """Shift right, filling with zeros: torch's own shift of a negative number fills with ones."""
-    shifted: Tensor = (words >> shift) & (2 ** (64 - shift) - 1)
-    return shifted
+    return (words >> shift).bitwise_and_(2 ** (64 - shift) - 1)
 
 
 class Query(NamedTuple):

@@ -83,6 +83,11 @@ class Coherence(Part):
         """The neighbors whose sources have to be known."""
         return self.template
 
+    @property
+    def takes_chances(self) -> bool:
+        """Whether each offer needs a random number."""
+        return self.spare_bottom
+
     def fit(self, index: Index, complete: bool) -> CoherenceState:
         """Prepare the candidates.
 
@@ -130,7 +135,7 @@ class Coherence(Part):
         assert offers is not None, "the sweep reads what a search wants"  # noqa: S101 (for the type checker)
         rows = state.continued.take(offers.source + state.lines)
         rows = torch.where(rows < 0, offers.spares, rows)
-        if state.limits is not None:
+        if state.limits is not None and offers.chances is not None:
             rows = torch.where(offers.chances > state.limits.take(rows), offers.spares, rows)
         cost = _costs(state, query, rows)
         if offers.missing is not None:
@@ -146,7 +151,7 @@ def _costs(state: CoherenceState, query: Query, rows: Tensor) -> Float[Tensor, "
     height, features = table.shape
     if height > state.number:  # each sample has an exemplar of its own
         rows = rows + torch.arange(0, height, state.number, device=rows.device).view(-1, 1, 1)
-    proposed = table.index_select(0, rows.view(-1)).view(-1, rows.shape[2], features)
+    proposed = torch.embedding(table, rows).view(-1, rows.shape[2], features)
     return torch.bmm(proposed, queries.reshape(-1, features, 1)).view(rows.shape)
 
 
@@ -158,10 +163,12 @@ def _continuations(index: Index, offsets: Offsets) -> Int64[Tensor, "neighbors e
     rows = torch.full((height * width,), -1, device=offsets.device)
     rows[index.sites] = torch.arange(len(index.sites), device=offsets.device)
     padded[reach : reach + height, reach : reach + width] = rows.view(height, width)
+    continued = torch.full((len(offsets), height * width + 1), -1, device=offsets.device)
     # The window that begins at (reach - dy, reach - dx) shows every pixel its neighbor's continuation.
-    windows = padded.unfold(0, height, 1).unfold(1, width, 1)
-    continued = windows[reach - offsets[:, 0], reach - offsets[:, 1]].flatten(1)
-    return torch.cat((torch.full_like(continued[:, :1], -1), continued), dim=1)
+    for neighbor, (top, left) in enumerate((reach - offsets).tolist()):
+        window = padded[top : top + height, left : left + width]
+        continued[neighbor, 1:].view(height, width).copy_(window)
+    return continued
 
 
 def _limits(index: Index) -> Int64[Tensor, " candidates"]:

@@ -71,6 +71,9 @@ class Exhaustive(Part):
     has_sources: ClassVar[bool] = True
     """Whether what it proposes are exemplar pixels."""
 
+    takes_chances: ClassVar[bool] = False
+    """Whether each offer needs a random number."""
+
     def wants(self) -> None:
         """No sources: the neighbors' values are enough."""
 

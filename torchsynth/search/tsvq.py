@@ -203,6 +203,9 @@ class TSVQ(Part):
         """Whether what it proposes are exemplar pixels."""
         return self.leaf != "centroid"
 
+    takes_chances: ClassVar[bool] = False
+    """Whether each offer needs a random number."""
+
     def wants(self) -> None:
         """No sources: the neighbors' values are enough."""
 
