@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int64
@@ -31,8 +31,9 @@ class Canvas:
         cost: Mean squared difference, per compared value, between each pixel's neighborhood and its
             match, in squared units of [0, 1].
         start: The picture the level started from.
-        known: Which pixels are synthesized, rather than merely started from, the same in all samples;
-            it changes between sweeps.
+        known: Which pixels are synthesized or given, rather than merely started from, the same in all
+            samples; it changes between sweeps.
+        given: Which pixels are given, and never written.
         exemplar: The exemplar level the pixels are copied from.
         exemplar_plane: The same, as its matching side.
         target: The picture the output should follow, valid where it was painted.
@@ -43,6 +44,7 @@ class Canvas:
     source: Int64[Tensor, "batch positions"]
     cost: Float[Tensor, "batch pixels"]
     known: Bool[Tensor, " positions"]
+    given: Bool[Tensor, " positions"]
     start: Image
     exemplar: Image
     exemplar_plane: Plane
@@ -65,12 +67,42 @@ class Canvas:
         source = torch.full((batch, height * width + 1), UNSET, device=start.device)
         cost = plane.values.new_zeros(batch, height * width)
         known = torch.zeros_like(source[0], dtype=torch.bool)
-        return cls(plane, source, cost, known, start, exemplar, exemplar_plane, target, frames)
+        given = known.clone()
+        return cls(plane, source, cost, known, given, start, exemplar, exemplar_plane, target, frames)
 
     @property
     def shape(self) -> Shape:
         """Height and width."""
         return self.plane.shape
+
+    def give(self, sites: Sites, source: Rows) -> None:
+        """Declare some pixels given: they keep what the level starts with.
+
+        Args:
+            sites: Which.
+            source: The exemplar pixel that each of them shows; ``UNSET`` if it shows none.
+        """
+        self.source.index_copy_(1, sites, source)
+        self.given[sites] = True
+        self.known[sites] = True
+
+    def sample(self, number: int) -> Canvas:
+        """One of the outputs, by itself: written there, it is written here, but for what is known."""
+        one = slice(number, number + 1)
+        shared = len(self.exemplar) == 1
+        return replace(
+            self,
+            plane=replace(self.plane, values=self.plane.values[one]),
+            source=self.source[one],
+            cost=self.cost[one],
+            known=self.known.clone(),
+            start=self.start[one],
+            exemplar=self.exemplar if shared else self.exemplar[one],
+            exemplar_plane=self.exemplar_plane
+            if shared
+            else replace(self.exemplar_plane, values=self.exemplar_plane.values[one]),
+            target=None if self.target is None else replace(self.target, values=self.target.values[one]),
+        )
 
     def write(self, sites: Sites, source: Rows, own: Values | None = None) -> None:
         """Copy exemplar pixels, by their flat positions, to the given sites of every output.
@@ -94,14 +126,16 @@ class Canvas:
     def image(self) -> Image:
         """The picture as it stands: exemplar values where a source is set.
 
-        Elsewhere it shows what the level started from, or was given, in the steps of matching.
+        A given pixel is as it was given. Elsewhere the picture shows what the level started from, or values
+        of a search's own, in the steps of matching.
         """
         batch, channels = self.start.shape[:2]
         values = self.exemplar.flatten(2).transpose(1, 2)
         source = self.source[:, :-1]
         copied = _pick(values, source.clamp(min=0)).transpose(1, 2)
-        given = dequantize(self.plane.values[:, :-2]).to(copied.dtype).transpose(1, 2)
-        image = torch.where((source == UNSET).unsqueeze(1), given, copied)
+        stepped = dequantize(self.plane.values[:, :-2]).to(copied.dtype).transpose(1, 2)
+        own = torch.where(self.given[:-1], self.start.flatten(2), stepped)
+        image = torch.where((source == UNSET).unsqueeze(1), own, copied)
         return image.reshape(batch, channels, *self.shape)
 
     def source_map(self) -> SourceMap:
@@ -121,5 +155,5 @@ def _pick(values: Tensor, source: Tensor) -> Tensor:
     if values.shape[0] == values.shape[2] == 1:
         return values.take(source).unsqueeze(2)
     if values.shape[0] == 1:
-        return values.index_select(1, source.reshape(-1)).view(*source.shape, -1)
+        return values.index_select(1, source.reshape(-1)).view(*source.shape, values.shape[2])
     return values.gather(1, source.unsqueeze(2).expand(-1, -1, values.shape[2]))

@@ -106,6 +106,28 @@ def check_target_region(region: object, target: Tensor | None) -> None:
     check_region(region, (height, width), "target_region")
 
 
+def check_hole(hole: object, picture: Tensor | None, subject: str = "hole") -> None:
+    """A hole is a boolean ``(H, W)`` that covers some of a picture, but not all of it.
+
+    Raises:
+        InputError: If it is not.
+
+    Example:
+        >>> check_hole(torch.tensor([[True, False]]), torch.zeros(1, 1, 2))
+    """
+    if hole is None:
+        return
+    if picture is None:
+        raise InputError(subject, "must come with the picture it is in", "there is none", "pass 'initial', too")
+    check_region(hole, (picture.shape[-2], picture.shape[-1]), subject)
+    assert isinstance(hole, Tensor)  # noqa: S101 (just checked)
+    if bool(hole.all()):
+        raise InputError(
+            subject, "must leave something of the picture", "it covers all of it",
+            "mark less, or synthesize a new picture from another one",
+        )  # fmt: skip
+
+
 def check_field(field: object, subject: str, bounds: tuple[float, float] | None) -> None:
     """A field is a number, or a tensor ``(H, W)`` of numbers: finite, and within its bounds.
 

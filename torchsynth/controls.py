@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from torchsynth import checks
+from torchsynth.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,14 @@ class Controls:
     Args:
         initial: The picture that synthesis starts from in place of noise, ``(C, OH, OW)`` for all
             outputs or ``(B, C, OH, OW)``, in [0, 1]. Only what a neighborhood reads before it is
-            overwritten matters: for a causal scanline the last rows and columns, at every level.
+            overwritten matters: for a causal scanline the last rows and columns, at every level. With
+            ``hole``, the picture that is to be completed.
+        hole: ``(OH, OW)``, True where ``initial`` is to be synthesized; everywhere else the output is, and
+            stays, as it is there. What ``initial`` shows in the hole makes no difference.
+        exemplar_at: Row and column of the output at which the exemplar's first pixel lies, if what is
+            known around the hole is the exemplar itself, or a part of it: ``(0, 0)`` when a picture is
+            filled from itself. Those pixels then have sources, and patches that begin there can be
+            continued into the hole.
         target: The picture that the output should follow, of the same shape and range. The recipe
             needs a layer that compares it: see :func:`torchsynth.recipes.with_target`.
         target_region: ``(OH, OW)``, True where the target was painted; elsewhere the output is free.
@@ -28,7 +36,8 @@ class Controls:
             larger. The largest scale anywhere decides how far neighborhoods reach, and so the time.
 
     Raises:
-        InputError: If a picture has another rank, dtype or range; if the region is not boolean or
+        InputError: If a picture has another rank, dtype or range; if the hole is not boolean, nowhere or
+            everywhere True, of another size than the picture, or without one; if the region is not boolean or
             nowhere True, or comes without a target; if an angle is not finite, or a scale not from
             1/16 to 16.
 
@@ -39,6 +48,8 @@ class Controls:
     """
 
     initial: Tensor | None = None
+    hole: Tensor | None = None
+    exemplar_at: tuple[int, int] | None = None
     target: Tensor | None = None
     target_region: Tensor | None = None
     angle: Tensor | float | None = None
@@ -49,6 +60,11 @@ class Controls:
             checks.check_image(self.initial, "initial")
         if self.target is not None:
             checks.check_image(self.target, "target")
+        checks.check_hole(self.hole, self.initial)
+        if self.exemplar_at is not None and self.hole is None:
+            raise InputError(
+                "exemplar_at", "says where the exemplar lies around a hole", "there is no hole", "pass the hole, too"
+            )
         checks.check_target_region(self.target_region, self.target)
         checks.check_field(self.angle, "angle", None)
         checks.check_field(self.scale, "scale", (1 / 16, 16.0))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from torchsynth import checks
 from torchsynth._typing import Image, Region
 from torchsynth.lattice import Shape
-from torchsynth.pyramid import gaussian_pyramid
+from torchsynth.pyramid import gaussian_pyramid, whole_regions
 
 
 @dataclass(frozen=True)
@@ -53,20 +54,22 @@ class Exemplar:
         return image if image.ndim == 4 else image.unsqueeze(0)
 
     def images(self, levels: int) -> tuple[Image, ...]:
-        """The Gaussian pyramid of the image, the finest first."""
-        return gaussian_pyramid(self.samples, levels, "reflect")
+        """The Gaussian pyramid of the image, the finest first.
+
+        What lies outside ``valid`` is covered with pixels from inside, so that it makes no difference
+        whatsoever what color it has.
+        """
+        samples = self.samples
+        if self.valid is not None and not bool(self.valid.all()):
+            inside = self.valid.flatten().nonzero().squeeze(1).to(samples.device)
+            outside = (~self.valid).flatten().nonzero().squeeze(1).to(samples.device)
+            pixels = samples.flatten(2).clone()
+            pixels[:, :, outside] = pixels[:, :, inside[torch.arange(len(outside)) % len(inside)]]
+            samples = pixels.view(samples.shape)
+        return gaussian_pyramid(samples, levels, "reflect")
 
     def valid_regions(self, levels: int) -> tuple[Region | None, ...]:
-        """Where each level may be sampled.
-
-        A coarse pixel is valid only if every finer pixel that was blended into it is: else what lies
-        outside ``valid`` would bleed into the matching through the pyramid.
-        """
+        """Where each level may be sampled; see :func:`torchsynth.pyramid.whole_regions`."""
         if self.valid is None:
             return (None,) * levels
-        regions = [self.valid]
-        for _ in range(levels - 1):
-            share = gaussian_pyramid(regions[-1].double()[None, None], 2, "reflect")[1]
-            # One invalid pixel takes away 2**-10 of a blend, or a little more where a side is odd.
-            regions.append(share[0, 0] > 1 - 2**-12)
-        return tuple(regions)
+        return whole_regions(self.valid, levels, "reflect")

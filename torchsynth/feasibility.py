@@ -9,13 +9,21 @@ from dataclasses import replace
 
 import torch
 
-from torchsynth._typing import Image
+from torchsynth._typing import Image, Region
 from torchsynth.errors import ConfigError, InputError
+from torchsynth.initial import SeedPatch
 from torchsynth.lattice import Shape
-from torchsynth.neighborhood import Layer, Plane, candidates, layer_weights, layers_at
+from torchsynth.neighborhood import (
+    Layer,
+    Plane,
+    candidates,
+    layer_weights,
+    layers_at,
+    neighbor_weights,
+)
 from torchsynth.pyramid import level_shapes
 from torchsynth.recipe import Recipe
-from torchsynth.schedule import visited_rows
+from torchsynth.schedule import OnionPeel, visited_rows
 from torchsynth.search.base import MEMORY_BUDGET
 from torchsynth.sweep import Sweep, group_size
 
@@ -105,6 +113,36 @@ def check_rows(recipe: Recipe, size: Shape) -> None:
             )  # fmt: skip
 
 
+def check_growing(recipe: Recipe, known: Sequence[Region] | None) -> None:
+    """A sweep that grows from what is known needs something known, at every level.
+
+    Args:
+        recipe: The recipe.
+        known: What is known around a hole, level by level; None if there is no hole.
+
+    Raises:
+        InputError: If there is nothing to grow from.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> check_growing(recipes.wei_levoy(), None)
+    """
+    for level in range(recipe.levels):
+        growing = any(isinstance(sweep.order, OnionPeel) for sweep in recipe.sweeps_at(level))
+        if not growing or (known is None and isinstance(recipe.initial, SeedPatch)):
+            continue
+        if known is None:
+            raise InputError(
+                "hole", f"must be given to the recipe {recipe.name!r}, which grows from what is known",
+                "there is none", "fill a hole with it (torchsynth.fill), or let it start from a seed patch",
+            )  # fmt: skip
+        if not bool(known[level].any()):
+            raise InputError(
+                "hole", f"must leave something known at each of the {recipe.levels} levels",
+                f"of level {level} nothing is", f"use {level} levels or fewer",
+            )  # fmt: skip
+
+
 def check_memory(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> None:
     """What a run holds in memory at once must fit this machine.
 
@@ -187,10 +225,8 @@ def _neighbors(sweep: Sweep) -> int:
 
 
 def _weighted_features(sweep: Sweep) -> int:
-    weights = layer_weights(sweep.layers, sweep.normalize)
-    return sum(
-        weight * len(layer.template.offsets()) for layer, weight in zip(sweep.layers, weights, strict=True)
-    )
+    weights = neighbor_weights(sweep.layers, layer_weights(sweep.layers, sweep.normalize))
+    return sum(int(one.sum()) for one in weights)
 
 
 def _no_candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int) -> InputError:

@@ -14,6 +14,7 @@ from torchsynth.canvas import Canvas
 from torchsynth.lattice import Boundary, Shape, to_cells
 from torchsynth.part import Part
 from torchsynth.pyramid import border_of, gaussian_pyramid, level_shapes, match_histogram
+from torchsynth.template import Side
 
 
 class Noise(Part):
@@ -113,7 +114,7 @@ class RandomSource(Part):
     def sow(
         self, canvas: Canvas, coarser: Canvas | None, usable: Sites, generators: Sequence[torch.Generator]
     ) -> None:
-        """Set the source of every pixel at the start of a level.
+        """Set the source of every pixel at the start of a level, but for those that are given.
 
         Args:
             canvas: The level.
@@ -121,18 +122,90 @@ class RandomSource(Part):
             usable: The candidates of the level's first sweep.
             generators: One for each sample; at the coarsest level each is advanced by a draw a pixel.
         """
-        sites = torch.arange(math.prod(canvas.shape), device=usable.device)
+        sites = (~canvas.given[:-1]).nonzero().squeeze(1)
         if coarser is not None:
             canvas.write(sites, _children(canvas, coarser, sites))
             canvas.known[:-1] = True
             return
+        pixels = math.prod(canvas.shape)
         draws = torch.stack(
-            [torch.rand(len(sites), generator=draws, dtype=torch.float64) for draws in generators]
-        )
-        canvas.write(sites, usable[(draws.to(usable.device) * len(usable)).long()])
+            [torch.rand(pixels, generator=draws, dtype=torch.float64) for draws in generators]
+        ).to(usable.device)
+        canvas.write(sites, usable[(draws[:, sites] * len(usable)).long()])
 
 
-Initial: TypeAlias = Annotated[Noise | RandomSource, Field(discriminator="kind")]
+class SeedPatch(Part):
+    """A small random patch of the exemplar in the middle of the output, to be grown from.
+
+    The patch is given: no sweep changes it. Where the user has given pixels, there is no patch: the output
+    grows from those.
+
+    Args:
+        size: Its side in pixels, odd.
+
+    Source: Efros & Leung 1999, section 2.2.
+
+    Example:
+        >>> levels = (torch.rand(1, 3, 8, 8),)
+        >>> [tuple(image.shape) for image in SeedPatch().start(levels, (6, 10), "open", [])]
+        [(0, 3, 6, 10)]
+    """
+
+    kind: Literal["seed_patch"] = "seed_patch"
+    size: Side = 3
+
+    inherits: ClassVar[bool] = False
+    """Whether levels begin with what is known from the coarser one."""
+
+    def start(
+        self,
+        exemplar: Sequence[Image],
+        shape: Shape,
+        boundary: Boundary,
+        generators: Sequence[torch.Generator],
+    ) -> tuple[Image, ...]:
+        """Black pictures: everything but the patch is unknown.
+
+        Args:
+            exemplar: The exemplar's pyramid.
+            shape: Height and width of the output.
+            boundary: Not needed here.
+            generators: One for each sample; not advanced.
+        """
+        return RandomSource().start(exemplar, shape, boundary, generators)
+
+    def sow(
+        self, canvas: Canvas, coarser: Canvas | None, usable: Sites, generators: Sequence[torch.Generator]
+    ) -> None:
+        """Copy a patch around a random candidate into the middle of a level.
+
+        Args:
+            canvas: The level.
+            coarser: Not needed here.
+            usable: The candidates of the level's first sweep.
+            generators: One for each sample; each is advanced by one draw.
+        """
+        del coarser
+        centers = torch.stack([torch.rand(1, generator=draws, dtype=torch.float64) for draws in generators])
+        if bool(canvas.given.any()):
+            return
+        height, width = canvas.exemplar.shape[-2:]
+        half = self.size // 2
+        around = torch.cartesian_prod(*(torch.arange(-half, half + 1, device=usable.device),) * 2)
+        middle = torch.tensor([side // 2 for side in canvas.shape], device=usable.device)
+        cells = middle + around
+        last = torch.tensor(canvas.shape, device=usable.device)
+        chosen = to_cells(usable[(centers.to(usable.device) * len(usable)).long()].view(-1), width)
+        origins = chosen.unsqueeze(1) + around
+        limits = torch.tensor((height, width), device=usable.device)
+        inside = ((cells >= 0) & (cells < last)).all(1) & ((origins >= 0) & (origins < limits)).all(2).all(0)
+        sites = cells[inside, 0] * canvas.shape[1] + cells[inside, 1]
+        source = origins[:, inside, 0] * width + origins[:, inside, 1]
+        canvas.write(sites, source)
+        canvas.give(sites, source)
+
+
+Initial: TypeAlias = Annotated[Noise | RandomSource | SeedPatch, Field(discriminator="kind")]
 """Any initialiser; the ``kind`` field tells them apart in YAML."""
 
 

@@ -29,6 +29,9 @@ from torchsynth.template import Template
 STEPS = 255
 """Matching distinguishes this many steps between black and white."""
 
+# A Gaussian falloff is rounded to so many steps.
+_GAUSSIAN_STEPS = 1024
+
 # Candidates gathered at once: bounds the intermediate copies, not the result.
 _CHUNK = 1 << 13
 
@@ -45,6 +48,9 @@ class Layer(Part):
             heavier coarse layer keeps more of the coarse structure, a heavier result layer is smoother.
         up: For ``coarse``: how many levels up, 1 if not given. A layer that would read above the coarsest level is
             left out there, so the coarsest level is matched on ``result`` alone.
+        sigma: Standard deviation, in pixels, of a Gaussian by which neighbors count less the farther they
+            are; None lets all count the same. Visible effect: a small one follows fine structure, a
+            large one holds larger structures together. Source: Efros & Leung 1999, section 2.1.
 
     Example:
         >>> from torchsynth.template import Causal
@@ -56,6 +62,7 @@ class Layer(Part):
     template: Template
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
     up: Annotated[int, Field(ge=1)] | None = None
+    sigma: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
 
     @model_validator(mode="after")
     def _up_needs_coarse(self) -> Layer:
@@ -153,6 +160,34 @@ def layer_weights(layers: Sequence[Layer], normalize: bool) -> tuple[int, ...]:
     return tuple(share // math.gcd(*shares) for share in shares)
 
 
+def neighbor_weights(
+    layers: Sequence[Layer], weights: Sequence[int]
+) -> tuple[Int64[Tensor, " neighbors"], ...]:
+    """What the squared difference of each neighbor of each layer counts.
+
+    Weights stay whole numbers: where any layer has a Gaussian falloff, all are scaled up and rounded.
+
+    Args:
+        layers: The layers.
+        weights: What each of them counts; see :func:`layer_weights`.
+
+    Example:
+        >>> from torchsynth.template import Square
+        >>> layer = Layer(plane="result", template=Square(size=3, center=False), sigma=1.0)
+        >>> neighbor_weights((layer,), (1,))[0].tolist()
+        [377, 621, 377, 621, 621, 377, 621, 377]
+    """
+    scale = 1 if all(layer.sigma is None for layer in layers) else _GAUSSIAN_STEPS
+    counts = []
+    for layer, weight in zip(layers, weights, strict=True):
+        distances = layer.template.offsets().square().sum(1).double()
+        falloff = torch.ones_like(distances)
+        if layer.sigma is not None:
+            falloff = torch.exp(-distances / (2 * layer.sigma**2))
+        counts.append((falloff * scale * weight).round().long())
+    return tuple(counts)
+
+
 def candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int) -> Region:
     """Which exemplar positions have every layer's neighborhood wholly inside, and valid.
 
@@ -189,8 +224,7 @@ def gather_candidates(
     for layer, columns in zip(layers, features.split(widths, dim=2), strict=True):
         cells = parents(to_cells(sites, usable.shape[1]), layer.steps_up)
         _gather_windows(layer, planes[level + layer.steps_up], cells, out=columns)
-    repeats = torch.tensor(widths, device=sites.device)
-    counts = torch.tensor(weights, device=sites.device).repeat_interleave(repeats)
+    counts = torch.cat(neighbor_weights(layers, weights)).repeat_interleave(channels).to(sites.device)
     return Index(features, sites, counts, planes[level].shape, planes[level].values.index_select(1, sites))
 
 

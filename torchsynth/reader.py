@@ -120,13 +120,15 @@ class Gathered:
         return extended[..., : self.readable.shape[1] + 1]
 
     def distance(self, costs: Costs, weights: Float[Tensor, " features"]) -> Costs:
-        """The accepted costs as mean squared differences per compared value, in units of [0, 1].
+        """The accepted costs of all that was asked, as mean squared differences per compared value.
 
-        To be called when all pieces have been queried.
+        In squared units of [0, 1].
         """
         asked = self._features(torch.cat(self.asked, dim=1))
         common = (asked[..., :-1].square() * weights).sum(2)
-        compared = weights.sum() if self.readable is None else self.readable.to(weights) @ weights
+        compared = weights.sum()
+        if self.readable is not None:
+            compared = self.readable[: costs.shape[1]].to(weights) @ weights
         return (costs + common) / (compared * STEPS**2).clamp(min=1)
 
 

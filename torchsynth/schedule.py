@@ -46,7 +46,7 @@ from jaxtyping import Int64
 from pydantic import Field
 from torch import Tensor
 
-from torchsynth._typing import Grid, Sites
+from torchsynth._typing import Grid, Region, Sites
 from torchsynth.lattice import Boundary, Shape
 from torchsynth.part import Part
 
@@ -58,6 +58,9 @@ Rows: TypeAlias = tuple[int | None, int | None]
 two and then the first two: the range goes around the torus."""
 
 _DONE = torch.iinfo(torch.int32).min
+
+_EIGHT = 8
+"""How many neighbors a pixel of a square lattice touches."""
 
 
 class Scanline(Part):
@@ -142,7 +145,51 @@ class Simultaneous(Part):
         return self.rank(shape, reach, boundary)
 
 
-Order: TypeAlias = Annotated[Scanline | Shuffle | Simultaneous, Field(discriminator="kind")]
+class OnionPeel(Part):
+    """From what is known inwards (or outwards), layer by layer.
+
+    A layer is every pixel that is not known yet but has one of its eight neighbors known, as it is when
+    the layer begins. Within it, pixels with more known neighbors come first. What lies beyond an open
+    border is unknown. Since a layer depends on which pixels the one before it could fill, layers are
+    scheduled one at a time.
+
+    Args:
+        seed: In which order pixels with equally many known neighbors come: a random permutation, the same
+            for every sample of a batch.
+
+    Source: Efros & Leung 1999, section 2.2, in the order of the GrowImage notes on it.
+
+    Example:
+        >>> known = torch.zeros(3, 4, dtype=torch.bool)
+        >>> known[:, 0] = True
+        >>> OnionPeel().layer(known, ~known, "open").nonzero()[:, 1].tolist()
+        [1, 1, 1]
+    """
+
+    kind: Literal["onion_peel"] = "onion_peel"
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+    def layer(self, known: Region, waiting: Region, boundary: Boundary) -> Grid:
+        """The rank of each pixel of the next layer, from 1; 0 for all other pixels.
+
+        Args:
+            known: The pixels to grow from.
+            waiting: The pixels that are to be visited at all, and have not been.
+            boundary: Whether neighbors wrap around.
+        """
+        neighbors = _known_neighbors(known, boundary)
+        ties = self._ties(known.shape[0], known.shape[1])
+        rank = (_EIGHT - neighbors) * known.numel() + ties + 1
+        return rank.where(waiting & (neighbors > 0), 0)
+
+    def _ties(self, height: int, width: int) -> Grid:
+        return Shuffle(seed=self.seed).rank((height, width), (0, 0), "open")
+
+
+FixedOrder: TypeAlias = Scanline | Shuffle | Simultaneous
+"""An order that does not depend on what has been filled."""
+
+Order: TypeAlias = Annotated[FixedOrder | OnionPeel, Field(discriminator="kind")]
 """Any order; the ``kind`` field tells them apart in YAML."""
 
 
@@ -176,6 +223,25 @@ class Schedule:
     sizes: list[int]
     batch: Int64[Tensor, " positions"]
 
+    @classmethod
+    def of(cls, batch: Grid, visited: Region) -> Schedule:
+        """The schedule that visits some pixels of a level, given the batch of each."""
+        never = int(batch.max()) + 1
+        batches = torch.cat((batch.masked_fill(~visited, never).flatten(), torch.tensor([never])))
+        sizes: list[int] = batches[batches < never].bincount().tolist()
+        sites = batches.argsort(stable=True)[: sum(sizes)]
+        return cls(sites, [size for size in sizes if size], batches)
+
+    def among(self, kept: Region) -> Schedule:
+        """The same, visiting only some of its pixels.
+
+        Example:
+            >>> schedule(Scanline(), (1, 3), (0, 1), "open").among(torch.tensor([[True, False, True]])).sites
+            tensor([0, 2])
+        """
+        batch = self.batch[:-1].view(kept.shape)
+        return Schedule.of(batch, kept & (batch < self.batch[-1]))
+
     def done_before(self, read: Int64[Tensor, "sites neighbors"], sites: Sites) -> Tensor:
         """Whether each neighbor is visited before the pixel that reads it, in the literal order.
 
@@ -207,7 +273,7 @@ class Schedule:
 
 
 def schedule(
-    order: Order, shape: Shape, reach: Reach | None, boundary: Boundary, rows: Rows | None = None
+    order: FixedOrder, shape: Shape, reach: Reach | None, boundary: Boundary, rows: Rows | None = None
 ) -> Schedule:
     """Put the sites of a level into batches that give the result of the literal order.
 
@@ -234,11 +300,28 @@ def schedule(
         batch = batch.roll(chosen[0], 0)
     visited = torch.zeros(shape, dtype=torch.bool)
     visited[chosen] = True
-    never = int(batch.max()) + 1
-    batch = torch.cat((batch.masked_fill(~visited, never).flatten(), torch.tensor([never])))
-    sizes: list[int] = batch[batch < never].bincount().tolist()
-    sites = batch.argsort(stable=True)[: sum(sizes)]
-    return Schedule(sites, [size for size in sizes if size], batch)
+    return Schedule.of(batch, visited)
+
+
+def schedule_layer(rank: Grid, reach: Reach, boundary: Boundary) -> Schedule:
+    """Put the pixels of one layer into batches that give the result of visiting them one by one.
+
+    Args:
+        rank: Their ranks, from 1 and all different; 0 where a pixel is not in the layer.
+        reach: How far the level itself is read.
+        boundary: Whether neighborhoods wrap around.
+
+    Example:
+        >>> schedule_layer(torch.tensor([[2, 0, 0, 3, 1]]), (0, 1), "open").sizes
+        [2, 1]
+    """
+    rows, columns = (rank.any(axis).nonzero().squeeze(1) for axis in (1, 0))
+    # What lies outside the layer's bounding box has no say, unless it is crossed on the way around.
+    box = tuple(slice(int(one[0]), int(one[-1]) + 1) for one in (rows, columns))
+    box = box if boundary == "open" else (slice(None), slice(None))
+    batch = torch.zeros_like(rank)
+    batch[box] = _rounds(rank[box], reach, boundary)
+    return Schedule.of(batch, rank > 0)
 
 
 def goes_around(rows: Rows | None) -> bool:
@@ -282,8 +365,14 @@ def batches_of(rank: Grid, reach: Reach, boundary: Boundary) -> Grid:
     batch: Grid = inverse
     if len(ranks) < rank.numel():
         return batch
+    return _rounds(rank - rank.min() + 1, reach, boundary)
+
+
+def _rounds(rank: Grid, reach: Reach, boundary: Boundary) -> Grid:
+    """The round in which each pixel comes first among the waiting ones of its window; 0 also for rank 0."""
     # Turned around, so that the first is the largest; done pixels no longer hold anyone up.
-    waiting = -rank.int()
+    waiting = (-rank).int().masked_fill_(rank == 0, _DONE)
+    batch = torch.zeros_like(rank)
     number = 0
     while bool((waiting > _DONE).any()):
         first = (waiting == _window_maximum(waiting, reach, boundary)) & (waiting > _DONE)
@@ -291,6 +380,19 @@ def batches_of(rank: Grid, reach: Reach, boundary: Boundary) -> Grid:
         waiting.masked_fill_(first, _DONE)
         number += 1
     return batch
+
+
+def _known_neighbors(known: Region, boundary: Boundary) -> Grid:
+    """How many of its eight neighbors are known, for each pixel."""
+    height, width = known.shape
+    mode = "circular" if boundary == "torus" else "constant"
+    padded = torch.nn.functional.pad(known.to(torch.float32)[None, None], (1, 1, 1, 1), mode=mode)[0, 0]
+    count = torch.zeros(height, width, dtype=torch.int64)
+    for down in range(3):
+        for across in range(3):
+            if (down, across) != (1, 1):
+                count += padded[down : down + height, across : across + width].long()
+    return count
 
 
 def _window_maximum(values: Tensor, reach: Reach, boundary: Boundary) -> Tensor:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import torch
 from jaxtyping import Float
-from pydantic import Field
+from pydantic import Field, model_validator
 from torch import Tensor
 
 from torchsynth._typing import Draws, Rows, Sites
-from torchsynth.accept import Accept, Best
+from torchsynth.accept import Accept, Best, Evidence, WithinTolerance
 from torchsynth.canvas import Canvas
+from torchsynth.course import Course
 from torchsynth.neighborhood import (
+    STEPS,
     Layer,
     Plane,
     gather_candidates,
@@ -23,9 +25,9 @@ from torchsynth.neighborhood import (
 )
 from torchsynth.part import Part
 from torchsynth.reader import Reader, plane_of
-from torchsynth.schedule import Order, Scanline, schedule
+from torchsynth.schedule import OnionPeel, Order, Scanline, Schedule
 from torchsynth.schedule import Rows as Span
-from torchsynth.search import TSVQ, Exhaustive, Query, Search, Tree, scatter_draws, spare
+from torchsynth.search import TSVQ, Exhaustive, Query, Search, Tree, chance, draw_at, spare
 
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
 # enough to bound memory and to report progress often.
@@ -84,6 +86,15 @@ class Sweep(Part):
     rows: Annotated[Span, Field(strict=False)] | None = None
     unknown: Literal["read", "skip"] = "read"
     normalize: bool = False
+
+    @model_validator(mode="after")
+    def _refused_pixels_come_again(self) -> Sweep:
+        if self.accept.refuses and not isinstance(self.order, OnionPeel):
+            raise ValueError(
+                "an acceptance with 'max_error' may refuse a pixel, and only the order 'onion_peel' comes back "
+                f"to it, but the order is {self.order.kind!r}; set max_error to null"
+            )
+        return self
 
     def runs_at(self, level: int, levels: int) -> bool:
         """Whether the sweep visits this level of so many."""
@@ -158,36 +169,182 @@ def run_sweep(
         draws: A random number for each sample and pixel, for pixels that have nothing to go by.
         advance: Told how many pixels are done; an exception raised in it ends the sweep.
     """
-    canvas, sweep, candidates = canvases[level], fitted.sweep, fitted.sites
+    canvas, sweep = canvases[level], fitted.sweep
+    visits = _Visits.of(fitted, level, canvases, draws, advance)
+    given = canvas.given[:-1].view(canvas.shape).cpu()
+    largest = sweep.accept.max_error if isinstance(sweep.accept, WithinTolerance) else None
+    boundary = canvas.plane.boundary
+    visits.run(Course.of(sweep.order, visits.reader.reach, boundary, sweep.rows, given, largest))
 
-    def visit(sites: Sites, query: Query, blind: Tensor | None) -> tuple[Rows, Tensor | None, Tensor]:
+
+@dataclass(frozen=True)
+class _Visits:
+    """A sweep on its way: all it needs to visit pixels."""
+
+    fitted: Fitted
+    level: int
+    canvases: Sequence[Canvas]
+    draws: Draws
+    advance: Advance
+    reader: Reader
+
+    @classmethod
+    def of(
+        cls, fitted: Fitted, level: int, canvases: Sequence[Canvas], draws: Draws, advance: Advance
+    ) -> _Visits:
+        sweep = fitted.sweep
+        skips = sweep.unknown == "skip"
+        reader = Reader.of(fitted.layers, level, canvases, sweep.search, len(fitted.sites), skips)
+        return cls(fitted, level, canvases, draws, advance, reader)
+
+    @property
+    def canvas(self) -> Canvas:
+        return self.canvases[self.level]
+
+    def run(self, course: Course) -> None:
+        """Visit stage after stage, to the end of the course."""
+        divisible = self.fitted.sweep.accept.refuses and len(self.canvas.source) > 1
+        before = course.copy() if divisible else course
+        while (stage := course.next_stage()) is not None:
+            sites = stage.sites.to(self.draws.device)
+            kept = [tensor[:, sites] for tensor in self._written()] if divisible else []
+            if self._visit(stage, course):
+                before = course.copy() if divisible else course
+                continue
+            # One output refuses what another takes. From here on each goes its own way.
+            for tensor, value in zip(self._written(), kept, strict=True):
+                tensor[:, sites] = value
+            for number in range(len(self.canvas.source)):
+                self._sample(number).run(before.copy())
+            self.canvas.known[:-1] = True
+            return
+
+    def _written(self) -> tuple[Tensor, Tensor]:
+        return self.canvas.plane.values, self.canvas.source
+
+    def _sample(self, number: int) -> _Visits:
+        """The same for one of the outputs; only the last one's progress is told."""
+        canvases = [canvas.sample(number) for canvas in self.canvases]
+        last = number == len(self.canvas.source) - 1
+        draws = self.draws[number : number + 1]
+        return _Visits.of(self.fitted, self.level, canvases, draws, self.advance if last else _ignore)
+
+    def _visit(self, stage: Schedule, course: Course) -> bool:
+        """Visit the pixels of one stage; tells whether all outputs agree which of them are refused.
+
+        A pixel that comes after a refused one must not see it: after each batch with a refusal, the rest
+        is gathered anew.
+        """
+        left = torch.zeros_like(course.waiting)
+        left.view(-1)[stage.sites] = True
+        filled = 0
+        while bool(left.any()):
+            batches = stage.among(left)
+            visited, refused = self._until_refusal(batches, course)
+            sites = batches.sites[:visited]
+            left.view(-1)[sites] = False
+            if refused is not None:
+                if not bool((refused == refused[:1]).all()):
+                    return False
+                # The refused ones are in the last batch.
+                taken = torch.ones(visited, dtype=torch.bool)
+                taken[visited - refused.shape[1] :] = ~refused[0].cpu()
+                sites = sites[taken]
+            course.fill(sites)
+            self.canvas.known[sites.to(self.draws.device)] = True
+            self.advance(len(sites))
+            filled += len(sites)
+        if filled == 0 and course.largest is not None and isinstance(self.fitted.sweep.accept, WithinTolerance):
+            course.largest *= self.fitted.sweep.accept.growth
+        return True
+
+    def _until_refusal(self, batches: Schedule, course: Course) -> tuple[int, Tensor | None]:
+        """Visit batch after batch until one refuses something.
+
+        Returns:
+            How many pixels were visited, and which outputs refuse which of the last batch, if any do.
+        """
+        canvas, fitted = self.canvas, self.fitted
+        capacity = max(1, fitted.sweep.search.capacity(fitted.state) // len(canvas.source))
+        size = group_size(len(canvas.source), len(fitted.weights))
+        pending: list[_Visited] = []
+        visited = 0
+        for group in batches.groups(capacity, size):
+            group_sites = group.sites.to(fitted.sites.device)
+            gathered, costs = self.reader.gather(group_sites, batches, self.draws), []
+            refused: Tensor | None = None
+            pieces = zip(group_sites.split(group.sizes), gathered.queries(group.sizes), strict=True)
+            for (sites, (query, blind)), ends_batch in zip(pieces, group.ends_batch, strict=True):
+                piece = self._match(sites, query, blind, course)
+                pending.append(piece)
+                costs.append(piece.cost)
+                visited += len(sites)
+                if ends_batch:  # gather before scatter: a batch sees nothing of itself
+                    refused = _refused(pending)
+                    for one in pending:
+                        one.write(canvas)
+                    pending.clear()
+                    if refused is not None:
+                        break
+            cost = torch.cat(costs, dim=1)
+            canvas.write_cost(group_sites[: cost.shape[1]], gathered.distance(cost, fitted.weights))
+            if refused is not None:
+                return visited, refused
+        return visited, None
+
+    def _match(self, sites: Sites, query: Query, blind: Tensor | None, course: Course) -> _Visited:
+        """What the sites of a piece take."""
+        fitted, sweep = self.fitted, self.fitted.sweep
         proposals = sweep.search.search(fitted.state, query)
-        choice = sweep.accept.choose(proposals.cost)
+        evidence = self._evidence(sites, query, course) if sweep.accept.weighs else None
+        choice = sweep.accept.choose(proposals.cost, evidence)
         rows = proposals.rows_at(choice.place)
         if blind is not None:
             # No neighbor at all: every candidate costs nothing, and any one is as good.
-            unseeing = scatter_draws(draws[:, sites[blind]], 1).squeeze(2)
-            rows[:, blind] = spare(unseeing, len(candidates))
-        return candidates.take(rows), proposals.values_at(choice.place), choice.cost
+            unseeing = draw_at(self.draws[:, sites[blind]], 1)
+            rows[:, blind] = spare(unseeing, len(fitted.sites))
+        own = proposals.values_at(choice.place)
+        return _Visited(sites, fitted.sites.take(rows), own, choice.cost, choice.refused)
 
-    skips = sweep.unknown == "skip"
-    reader = Reader.of(fitted.layers, level, canvases, sweep.search, len(candidates), skips)
-    batches = schedule(sweep.order, canvas.shape, reader.reach, canvas.plane.boundary, sweep.rows)
-    capacity = max(1, sweep.search.capacity(fitted.state) // len(canvas.source))
-    pending: list[tuple[Sites, Rows, Tensor | None]] = []
-    size = group_size(len(canvas.source), len(fitted.weights))
-    for group in batches.groups(capacity, size):
-        group_sites = group.sites.to(candidates.device)
-        gathered, costs = reader.gather(group_sites, batches, draws), []
-        pieces = zip(group_sites.split(group.sizes), gathered.queries(group.sizes), strict=True)
-        for (sites, (query, blind)), ends_batch in zip(pieces, group.ends_batch, strict=True):
-            source, own, cost = visit(sites, query, blind)
-            pending.append((sites, source, own))
-            costs.append(cost)
-            if ends_batch:  # gather before scatter: a batch sees nothing of itself
-                for written in pending:
-                    canvas.write(*written)
-                pending.clear()
-        canvas.write_cost(group_sites, gathered.distance(torch.cat(costs, dim=1), fitted.weights))
-        advance(len(group_sites))
-    canvas.known[batches.sites.to(candidates.device)] = True
+    def _evidence(self, sites: Sites, query: Query, course: Course) -> Evidence:
+        """What the acceptance weighs beside the costs."""
+        weights = self.fitted.weights
+        common = query.features[..., :-1].square() @ weights
+        compared = weights.sum().expand(len(sites))
+        if query.readable is not None:
+            compared = query.readable.to(weights) @ weights
+        # Below place 1: no search uses these.
+        draws = chance(draw_at(self.draws[:, sites], -course.stage))
+        return Evidence(common, compared, draws, course.largest, float(STEPS**2))
+
+
+class _Visited(NamedTuple):
+    """The pixels of a piece and what they take: see :class:`torchsynth.accept.Choice`."""
+
+    sites: Sites
+    source: Rows
+    own: Tensor | None
+    cost: Tensor
+    refused: Tensor | None
+
+    def write(self, canvas: Canvas) -> None:
+        """Write what was taken; where outputs disagree, the first one's refusals count."""
+        if self.refused is None or not bool(self.refused.any()):
+            canvas.write(self.sites, self.source, self.own)
+            return
+        taken = ~self.refused[0]
+        own = None if self.own is None else self.own[:, taken]
+        canvas.write(self.sites[taken], self.source[:, taken], own)
+
+
+def _refused(pieces: Sequence[_Visited]) -> Tensor | None:
+    """Which outputs refuse which pixels of some pieces, if any do."""
+    flags = [piece.refused for piece in pieces if piece.refused is not None]
+    if not flags:
+        return None
+    refused = torch.cat(flags, dim=1)
+    return refused if bool(refused.any()) else None
+
+
+def _ignore(pixels: int) -> None:
+    """Tell nobody."""

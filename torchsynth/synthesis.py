@@ -16,10 +16,12 @@ from torchsynth._typing import Frames, Image
 from torchsynth.canvas import Canvas
 from torchsynth.codebook import Codebook
 from torchsynth.controls import Controls
+from torchsynth.course import to_visit
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.feasibility import (
     check_candidates,
+    check_growing,
     check_memory,
     check_rows,
     check_target,
@@ -30,6 +32,7 @@ from torchsynth.neighborhood import Plane, output_plane, quantize
 from torchsynth.pyramid import blur, border_of, gaussian_pyramid, masked_pyramid
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result, breaks, check_straight
+from torchsynth.surroundings import surroundings_of
 from torchsynth.sweep import Fitted, run_sweep
 
 Progress: TypeAlias = Callable[[int, int, int, int, Callable[[], Image]], None]
@@ -100,6 +103,10 @@ def synthesize(
     check_target(recipe, target is not None)
     check_memory(recipe, samples, size, len(seeds))
     check_rows(recipe, size)
+    surroundings = None
+    if controls.hole is not None and initial is not None:
+        surroundings = surroundings_of(initial, controls.hole, controls.exemplar_at, recipe)
+    check_growing(recipe, None if surroundings is None else [one.known for one in surroundings])
 
     images = exemplar.images(recipe.levels)
     planes = exemplar_planes(exemplar, images, matching_dtype(recipe, samples.shape[1]))
@@ -108,23 +115,29 @@ def synthesize(
         codebook.check(exemplar, recipe, planes)
 
     generators = [torch.Generator().manual_seed(one) for one in seeds]
-    if initial is None:
+    if initial is None or surroundings is not None:
         starts = recipe.initial.start(images, size, recipe.boundary, generators)
     else:
         starts = gaussian_pyramid(initial, recipe.levels, border_of(recipe.boundary))
     dtype, device = planes[0].values.dtype, samples.device
     targets = _target_planes(target, controls.target_region, recipe, dtype)
     canvases = []
-    for start, image, plane, level_target in zip(starts, images, planes, targets, strict=True):
+    for level, (start, image, plane) in enumerate(zip(starts, images, planes, strict=True)):
         frames = _frames(controls, (start.shape[2], start.shape[3]), device)
-        canvases.append(Canvas.blank(start, image, plane, recipe.boundary, level_target, frames))
+        if surroundings is not None:
+            start = torch.where(surroundings[level].known, surroundings[level].picture, start)  # noqa: PLW2901
+        canvas = Canvas.blank(start, image, plane, recipe.boundary, targets[level], frames)
+        if surroundings is not None:
+            surroundings[level].give(canvas)
+        canvases.append(canvas)
     # Inference mode spares each of many thousand small operations some bookkeeping: an eighth of the time
     # of coherent search. Canvases are made outside of it, so that results are ordinary tensors.
     with exact_arithmetic(samples.device.type), torch.inference_mode():
-        begun = _run(recipe, canvases, planes, generators, initial is not None, codebook, progress)
+        begins = initial is not None and surroundings is None
+        begun = _run(recipe, canvases, planes, generators, begins, codebook, progress)
     levels = list(map(_finished, canvases, begun))
     if recipe.blur_seams is not None:
-        levels[0] = _with_blurred_seams(levels[0], recipe.blur_seams, recipe.boundary)
+        levels[0] = _with_blurred_seams(levels[0], recipe.blur_seams, recipe.boundary, controls.hole)
     return Result(tuple(levels), recipe, tuple(seeds), controls.distorts)
 
 
@@ -164,7 +177,7 @@ def _run(
         for level in reversed(range(recipe.levels))
         for number, sweep in enumerate(recipe.sweeps_at(level))
     ]
-    total = sum(math.prod(canvases[level].shape) for level, _, _ in passes)
+    total = sum(to_visit(canvases[level], sweep.rows) for level, _, sweep in passes)
     done = 0
     begun = [canvas.start for canvas in canvases]
     fitted: Fitted | None = None
@@ -177,7 +190,9 @@ def _run(
         fitted = replace(fitted, sweep=sweep)
         coarser = canvases[level + 1] if level + 1 < recipe.levels else None
         if number == 0 and (coarser is not None or not given):
+            before = to_visit(canvas, None)
             recipe.initial.sow(canvas, coarser, fitted.sites, generators)
+            done += len(recipe.sweeps_at(level)) * (before - to_visit(canvas, None))
             with torch.inference_mode(mode=False):
                 begun[level] = canvas.image() if recipe.initial.inherits else canvas.start
 
@@ -265,10 +280,12 @@ def _frames(controls: Controls, shape: Shape, device: torch.device) -> Frames | 
     return field.frames(*fields).to(device)
 
 
-def _with_blurred_seams(level: Level, size: int, boundary: Boundary) -> Level:
-    """The level with its picture blurred on both sides of every patch's boundary."""
+def _with_blurred_seams(level: Level, size: int, boundary: Boundary, hole: Tensor | None) -> Level:
+    """The level with its picture blurred on both sides of every patch's boundary, inside a hole only."""
     below, right = breaks(level.source, boundary)
     beside = below | below.roll(1, 1) | right | right.roll(1, 2)
+    if hole is not None:
+        beside &= hole.to(beside.device)
     blurred = blur(level.image, size, border_of(boundary))
     return replace(level, image=torch.where(beside.unsqueeze(1), blurred, level.image))
 

@@ -69,10 +69,12 @@ def controls_from(
         45.0
     """
     target, region = _target(pictures, channels)
+    fields: dict[str, Tensor | float]
     fields = {name: parse_field(name, word, size) for name, word in words.items()}
     fields |= {name: _field_picture(name, pictures[name]) for name in FIELDS if name in pictures}
     initial = pictures["initial"].image if "initial" in pictures else None
-    return Controls(initial=initial, target=target, target_region=region, **fields)
+    angle, scale = fields.get("angle"), fields.get("scale")
+    return Controls(initial=initial, target=target, target_region=region, angle=angle, scale=scale)
 
 
 def parse_field(subject: str, word: str, size: Shape) -> Tensor | float:

@@ -6,7 +6,7 @@ from typing import Annotated, TypeAlias
 
 from pydantic import Field
 
-from torchsynth.search.base import Costs, Offers, Proposals, Query, chance, scatter_draws, spare
+from torchsynth.search.base import Costs, Offers, Proposals, Query, chance, draw_at, scatter_draws, spare
 from torchsynth.search.coherence import Coherence, CoherenceState
 from torchsynth.search.exhaustive import Exhaustive, ExhaustiveState
 from torchsynth.search.tree import Tree
@@ -29,6 +29,7 @@ __all__ = [
     "TSVQState",
     "Tree",
     "chance",
+    "draw_at",
     "scatter_draws",
     "spare",
 ]

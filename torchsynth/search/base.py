@@ -25,6 +25,7 @@ MEMORY_BUDGET = 32 * 2**20
 
 _HALF = 31
 _MASK = 2**_HALF - 1
+_GOLDEN = -0x61C8864680B583EB
 
 
 class Offers(NamedTuple):
@@ -76,10 +77,27 @@ def scatter_draws(draws: Draws, count: int) -> Int64[Tensor, "batch sites count"
         torch.Size([1, 2, 3])
     """
     places = torch.arange(1, count + 1, device=draws.device)
-    mixed = draws.unsqueeze(2) + places * -0x61C8864680B583EB
+    return _mixed(draws.unsqueeze(2) + places * _GOLDEN)
+
+
+def draw_at(draws: Draws, place: int) -> Draws:
+    """The one of the independent random numbers that :func:`scatter_draws` puts at a place, from 1.
+
+    Places below 1 give others, which no search sees.
+
+    Example:
+        >>> draws = torch.tensor([[5, 6]])
+        >>> draw_at(draws, 3).equal(scatter_draws(draws, 3)[..., 2])
+        True
+    """
+    return _mixed(draws + ((place * _GOLDEN + 2**63) % 2**64 - 2**63))  # modulo 2**64, as in a tensor
+
+
+def _mixed(words: Tensor) -> Tensor:
+    """The words, mixed in place."""
     for shift, multiplier in ((30, -0x40A7B892E31B1A47), (27, -0x6B2FB644ECCEEE15)):
-        mixed.bitwise_xor_(_shifted(mixed, shift)).mul_(multiplier)
-    return mixed.bitwise_xor_(_shifted(mixed, 31)).bitwise_and_(2**62 - 1)
+        words.bitwise_xor_(_shifted(words, shift)).mul_(multiplier)
+    return words.bitwise_xor_(_shifted(words, 31)).bitwise_and_(2**62 - 1)
 
 
 def _shifted(words: Tensor, shift: int) -> Tensor:

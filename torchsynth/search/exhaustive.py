@@ -25,23 +25,24 @@ class ExhaustiveState:
     """What is computed of the candidates, once. They are laid out in blocks of columns.
 
     Args:
-        products: Minus twice the weighted candidates, and below them their weighted squared lengths,
-            which a query's last 1 picks up: infinite in columns that pad the last block.
-        squares: Their weighted squares, zero in those columns; None where every query is complete.
+        table: Minus twice the weighted candidates, and below them their weighted squared lengths, which a
+            query's last 1 picks up: infinite in columns that pad the last block. Below that, unless every
+            query is complete, minus their weighted squares, for what a query lacks: zero in those columns.
+        features: How many features a candidate has.
         exemplars: How many exemplars there are; the blocks of the first come first.
         workspace: Where costs are written, again and again: fresh memory for each of thousands of
             searches would cost a tenth of the time.
     """
 
-    products: Float[Tensor, "blocks augmented columns"]
-    squares: Float[Tensor, "blocks features columns"] | None
+    table: Float[Tensor, "blocks rows columns"]
+    features: int
     exemplars: int
     workspace: Float[Tensor, " size"]
 
     @property
     def width(self) -> int:
         """How many costs a query has."""
-        return len(self.products) // self.exemplars * self.products.shape[2]
+        return len(self.table) // self.exemplars * self.table.shape[2]
 
 
 class Exhaustive(Part):
@@ -88,22 +89,22 @@ class Exhaustive(Part):
         weights = index.weights.to(index.features.dtype)
         columns = number if number <= _ONE_BLOCK else _BLOCK
         blocks = -(-number // columns)
-        products = weights.new_zeros(exemplars * blocks, features + 1, columns)
-        products[:, -1] = float("inf")  # stays in the columns that stand for no candidate
-        squares = None if complete else weights.new_zeros(exemplars * blocks, features, columns)
+        rows = features + 1 if complete else 2 * features + 1
+        table = weights.new_zeros(exemplars * blocks, rows, columns)
+        table[:, features] = float("inf")  # stays in the columns that stand for no candidate
         # Block by block: the copies on the way are small.
         for block in range(blocks):
             vectors = index.features[:, block * columns : (block + 1) * columns].transpose(1, 2)
             weighted = vectors * weights.unsqueeze(1)
             lengths = weighted * vectors
             here, filled = slice(block, None, blocks), vectors.shape[2]
-            products[here, :-1, :filled] = weighted.mul_(-2)
-            products[here, -1, :filled] = lengths.sum(1)
-            if squares is not None:
-                squares[here, :, :filled] = lengths
-        capacity = max(1, MEMORY_BUDGET // (blocks * columns * products.element_size()))
-        workspace = products.new_empty(capacity * blocks * columns)
-        return ExhaustiveState(products, squares, exemplars, workspace)
+            table[here, :features, :filled] = weighted.mul_(-2)
+            table[here, features, :filled] = lengths.sum(1)
+            if not complete:
+                table[here, features + 1 :, :filled] = lengths.neg_()
+        capacity = max(1, MEMORY_BUDGET // (blocks * columns * table.element_size()))
+        workspace = table.new_empty(capacity * blocks * columns)
+        return ExhaustiveState(table, features, exemplars, workspace)
 
     def copies(self, complete: bool) -> int:
         """How much memory fitting takes, in sizes of the candidates' vectors."""
@@ -129,13 +130,11 @@ class Exhaustive(Part):
         batch, sites, _ = query.features.shape
         needed = batch * sites * state.width
         out = state.workspace[:needed] if needed <= len(state.workspace) else None
-        cost = _product(query.features, state.products, state.exemplars, out)
-        if query.readable is not None and state.squares is not None:
+        if query.extended is not None:
             # Unreadable neighbors drop out of the candidates' lengths too, query by query.
-            partial = ~query.readable.all(1)
-            missing = (~query.readable[partial]).to(cost.dtype).expand(batch, -1, -1)
-            cost[:, partial] -= _product(missing, state.squares, state.exemplars)
-        return Proposals(cost)
+            return Proposals(_product(query.extended, state.table, state.exemplars, out))
+        products = state.table[:, : state.features + 1]
+        return Proposals(_product(query.features, products, state.exemplars, out))
 
 
 def _product(queries: Tensor, blocks: Tensor, exemplars: int, out: Tensor | None = None) -> Costs:

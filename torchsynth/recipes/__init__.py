@@ -1,0 +1,29 @@
+"""The recipes: one short function for each published algorithm, in terms of the library's parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from torchsynth.following import with_target
+from torchsynth.recipe import Recipe
+from torchsynth.recipes.causal import wei_levoy, wei_levoy_single, wei_levoy_tsvq
+from torchsynth.recipes.coherent import ashikhmin, ashikhmin_multires, ashikhmin_target
+from torchsynth.recipes.filling import coherent_fill, efros_leung, wei_levoy_fill
+from torchsynth.recipes.symmetric import distorted, random_order
+
+RECIPES: dict[str, Callable[[], Recipe]] = {
+    "efros_leung": efros_leung,
+    "wei_levoy": wei_levoy,
+    "wei_levoy_single": wei_levoy_single,
+    "wei_levoy_tsvq": wei_levoy_tsvq,
+    "wei_levoy_fill": wei_levoy_fill,
+    "ashikhmin": ashikhmin,
+    "ashikhmin_multires": ashikhmin_multires,
+    "ashikhmin_target": ashikhmin_target,
+    "coherent_fill": coherent_fill,
+    "random_order": random_order,
+    "distorted": distorted,
+}
+"""The recipes by name, with their default parameters."""
+
+__all__ = ["RECIPES", "with_target", *RECIPES]
