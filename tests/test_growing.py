@@ -129,7 +129,9 @@ def test_outputs_that_refuse_different_pixels_part_company(make_exemplar):
     ("channels", "size", "levels", "n", "parent"),
     [(1, (9, 8), 1, 3, 3), (3, (8, 9), 1, 5, 3), (1, (15, 16), 2, 3, 3), (2, (16, 13), 2, 3, 1)],
 )
-def test_filling_equals_constrained_wei_levoy(make_exemplar, channels, size, levels, n, parent, boundary, search):
+def test_filling_equals_constrained_wei_levoy(
+    make_exemplar, channels, size, levels, n, parent, boundary, search
+):
     picture = make_exemplar(channels, *size, seed=4, dtype=torch.float64)
     sample = make_exemplar(channels, 17, 16, seed=5, dtype=torch.float64)
     valid = torch.ones(17, 16, dtype=torch.bool)

@@ -15,6 +15,7 @@ from torchsynth import metrics as metrics
 from torchsynth import recipes as recipes
 from torchsynth.accept import Best
 from torchsynth.codebook import Codebook
+from torchsynth.completion import extend, fill, tile
 from torchsynth.config import dump_recipe, load_recipe
 from torchsynth.controls import Controls
 from torchsynth.errors import ConfigError, InputError, OutputError, TorchsynthError
@@ -58,12 +59,15 @@ __all__ = [
     "TorchsynthError",
     "drawing",
     "dump_recipe",
+    "extend",
     "field",
+    "fill",
     "load_recipe",
     "metrics",
     "read_image",
     "recipes",
     "synthesize",
+    "tile",
     "train",
     "write_image",
 ]

@@ -118,13 +118,31 @@ def check_hole(hole: object, picture: Tensor | None, subject: str = "hole") -> N
     if hole is None:
         return
     if picture is None:
-        raise InputError(subject, "must come with the picture it is in", "there is none", "pass 'initial', too")
+        raise InputError(
+            subject, "must come with the picture it is in", "there is none", "pass 'initial', too"
+        )
     check_region(hole, (picture.shape[-2], picture.shape[-1]), subject)
     assert isinstance(hole, Tensor)  # noqa: S101 (just checked)
     if bool(hole.all()):
         raise InputError(
             subject, "must leave something of the picture", "it covers all of it",
             "mark less, or synthesize a new picture from another one",
+        )  # fmt: skip
+
+
+def check_positive(number: object, subject: str) -> None:
+    """A number of pixels is a whole number from 1.
+
+    Raises:
+        InputError: If it is not.
+
+    Example:
+        >>> check_positive(3, "width")
+    """
+    if not _is_whole(number) or number < 1:
+        raise InputError(
+            subject, "must be a whole number of pixels, 1 or more", f"it is {shortened(number)}",
+            "choose another one",
         )  # fmt: skip
 
 

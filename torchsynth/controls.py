@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from torch import Tensor
 
@@ -63,7 +63,10 @@ class Controls:
         checks.check_hole(self.hole, self.initial)
         if self.exemplar_at is not None and self.hole is None:
             raise InputError(
-                "exemplar_at", "says where the exemplar lies around a hole", "there is no hole", "pass the hole, too"
+                "exemplar_at",
+                "says where the exemplar lies around a hole",
+                "there is no hole",
+                "pass the hole, too",
             )
         checks.check_target_region(self.target_region, self.target)
         checks.check_field(self.angle, "angle", None)
@@ -73,3 +76,21 @@ class Controls:
     def distorts(self) -> bool:
         """Whether neighborhoods are turned or scaled."""
         return self.angle is not None or self.scale is not None
+
+    def split(self, outputs: int) -> list[Controls]:
+        """The same for each of so many outputs by itself.
+
+        Example:
+            >>> import torch
+            >>> [one.initial.shape[0] for one in Controls(initial=torch.zeros(2, 1, 8, 8)).split(2)]
+            [1, 1]
+        """
+        pictures = [
+            {
+                name: picture[number : number + 1]
+                for name in ("initial", "target")
+                if (picture := getattr(self, name)) is not None and picture.ndim == 4 and len(picture) > 1
+            }
+            for number in range(outputs)
+        ]
+        return [replace(self, **some) for some in pictures]

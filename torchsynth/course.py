@@ -9,7 +9,16 @@ import torch
 from torchsynth._typing import Region, Sites
 from torchsynth.canvas import Canvas
 from torchsynth.lattice import Boundary
-from torchsynth.schedule import OnionPeel, Order, Reach, Rows, Schedule, schedule, schedule_layer, visited_rows
+from torchsynth.schedule import (
+    OnionPeel,
+    Order,
+    Reach,
+    Rows,
+    Schedule,
+    schedule,
+    schedule_layer,
+    visited_rows,
+)
 
 
 @dataclass

@@ -53,6 +53,10 @@ class Exemplar:
         image = self.image.detach()
         return image if image.ndim == 4 else image.unsqueeze(0)
 
+    def split(self) -> list[Exemplar]:
+        """Each sample by itself."""
+        return [Exemplar(one, self.valid) for one in self.samples]
+
     def images(self, levels: int) -> tuple[Image, ...]:
         """The Gaussian pyramid of the image, the finest first.
 

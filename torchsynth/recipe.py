@@ -123,6 +123,11 @@ class Recipe(Part):
         return all(sweep.search.has_sources for sweep in self.sweeps)
 
     @property
+    def refuses(self) -> bool:
+        """Whether any sweep may refuse a pixel at first."""
+        return any(sweep.accept.refuses for sweep in self.sweeps)
+
+    @property
     def follows_target(self) -> bool:
         """Whether any sweep compares a target."""
         return any(layer.plane == "target" for sweep in self.sweeps for layer in sweep.layers)

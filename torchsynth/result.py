@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import torch
 from jaxtyping import Bool
@@ -59,6 +60,25 @@ class Result:
     recipe: Recipe
     seeds: tuple[int, ...]
     distorted: bool = False
+
+    @classmethod
+    def joined(cls, results: Sequence[Result]) -> Result:
+        """Several results of one recipe and size as one, in their order.
+
+        Example:
+            >>> import torch, torchsynth as ts
+            >>> recipe = ts.recipes.ashikhmin()
+            >>> two = [ts.synthesize(torch.rand(1, 9, 9), (4, 4), recipe, seed=seed) for seed in (1, 2)]
+            >>> Result.joined(two).seeds
+            (1, 2)
+        """
+        names = [one.name for one in fields(Level)]
+        levels = [
+            Level(*(torch.cat([getattr(level, name) for level in alike]) for name in names))
+            for alike in zip(*(result.levels for result in results), strict=True)
+        ]
+        seeds = tuple(seed for result in results for seed in result.seeds)
+        return cls(tuple(levels), results[0].recipe, seeds, results[0].distorted)
 
     @property
     def image(self) -> Image:

@@ -39,10 +39,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Literal, TypeAlias
 
 import torch
-from jaxtyping import Int64
+from jaxtyping import Int64, UInt8
 from pydantic import Field
 from torch import Tensor
 
@@ -178,12 +179,16 @@ class OnionPeel(Part):
             boundary: Whether neighbors wrap around.
         """
         neighbors = _known_neighbors(known, boundary)
-        ties = self._ties(known.shape[0], known.shape[1])
-        rank = (_EIGHT - neighbors) * known.numel() + ties + 1
-        return rank.where(waiting & (neighbors > 0), 0)
+        ties = _ties(self.seed, known.shape[0], known.shape[1])
+        rank = (_EIGHT - neighbors.long()).mul_(known.numel()).add_(ties).add_(1)
+        return rank.masked_fill_(~(waiting & (neighbors > 0)), 0)
 
-    def _ties(self, height: int, width: int) -> Grid:
-        return Shuffle(seed=self.seed).rank((height, width), (0, 0), "open")
+
+@lru_cache(maxsize=4)
+def _ties(seed: int, height: int, width: int) -> Grid:
+    """The permutation that an onion's layers share; nobody writes to it."""
+    with torch.inference_mode(mode=False):
+        return Shuffle(seed=seed).rank((height, width), (0, 0), "open")
 
 
 FixedOrder: TypeAlias = Scanline | Shuffle | Simultaneous
@@ -228,9 +233,10 @@ class Schedule:
         """The schedule that visits some pixels of a level, given the batch of each."""
         never = int(batch.max()) + 1
         batches = torch.cat((batch.masked_fill(~visited, never).flatten(), torch.tensor([never])))
-        sizes: list[int] = batches[batches < never].bincount().tolist()
-        sites = batches.argsort(stable=True)[: sum(sizes)]
-        return cls(sites, [size for size in sizes if size], batches)
+        sites = visited.flatten().nonzero().squeeze(1)
+        ascending, order = batches[sites].sort(stable=True)
+        sizes = ascending.unique_consecutive(return_counts=True)[1].tolist()
+        return cls(sites[order], sizes, batches)
 
     def among(self, kept: Region) -> Schedule:
         """The same, visiting only some of its pixels.
@@ -382,17 +388,17 @@ def _rounds(rank: Grid, reach: Reach, boundary: Boundary) -> Grid:
     return batch
 
 
-def _known_neighbors(known: Region, boundary: Boundary) -> Grid:
+def _known_neighbors(known: Region, boundary: Boundary) -> UInt8[Tensor, "_height _width"]:
     """How many of its eight neighbors are known, for each pixel."""
-    height, width = known.shape
-    mode = "circular" if boundary == "torus" else "constant"
-    padded = torch.nn.functional.pad(known.to(torch.float32)[None, None], (1, 1, 1, 1), mode=mode)[0, 0]
-    count = torch.zeros(height, width, dtype=torch.int64)
-    for down in range(3):
-        for across in range(3):
-            if (down, across) != (1, 1):
-                count += padded[down : down + height, across : across + width].long()
-    return count
+    counts = known.to(torch.uint8)
+    for axis, length in enumerate(known.shape):
+        around = torch.arange(-1, length + 1)
+        padded = counts.index_select(axis, around % length)
+        if boundary == "open":
+            padded.select(axis, 0).zero_()
+            padded.select(axis, -1).zero_()
+        counts = sum((padded.narrow(axis, step, length) for step in (1, 2)), padded.narrow(axis, 0, length))
+    return counts - known.to(torch.uint8)
 
 
 def _window_maximum(values: Tensor, reach: Reach, boundary: Boundary) -> Tensor:

@@ -235,14 +235,12 @@ class _Visits:
         A pixel that comes after a refused one must not see it: after each batch with a refusal, the rest
         is gathered anew.
         """
-        left = torch.zeros_like(course.waiting)
-        left.view(-1)[stage.sites] = True
+        batches: Schedule | None = stage
         filled = 0
-        while bool(left.any()):
-            batches = stage.among(left)
+        while batches is not None:
             visited, refused = self._until_refusal(batches, course)
-            sites = batches.sites[:visited]
-            left.view(-1)[sites] = False
+            sites, rest = batches.sites[:visited], batches.sites[visited:]
+            batches = None
             if refused is not None:
                 if not bool((refused == refused[:1]).all()):
                     return False
@@ -250,11 +248,18 @@ class _Visits:
                 taken = torch.ones(visited, dtype=torch.bool)
                 taken[visited - refused.shape[1] :] = ~refused[0].cpu()
                 sites = sites[taken]
+                left = torch.zeros_like(course.waiting)
+                left.view(-1)[rest] = True
+                batches = stage.among(left) if len(rest) > 0 else None
             course.fill(sites)
             self.canvas.known[sites.to(self.draws.device)] = True
             self.advance(len(sites))
             filled += len(sites)
-        if filled == 0 and course.largest is not None and isinstance(self.fitted.sweep.accept, WithinTolerance):
+        if (
+            filled == 0
+            and course.largest is not None
+            and isinstance(self.fitted.sweep.accept, WithinTolerance)
+        ):
             course.largest *= self.fitted.sweep.accept.growth
         return True
 

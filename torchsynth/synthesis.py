@@ -32,7 +32,7 @@ from torchsynth.neighborhood import Plane, output_plane, quantize
 from torchsynth.pyramid import blur, border_of, gaussian_pyramid, masked_pyramid
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result, breaks, check_straight
-from torchsynth.surroundings import surroundings_of
+from torchsynth.surroundings import Surroundings, surroundings_of
 from torchsynth.sweep import Fitted, run_sweep
 
 Progress: TypeAlias = Callable[[int, int, int, int, Callable[[], Image]], None]
@@ -111,6 +111,14 @@ def synthesize(
     images = exemplar.images(recipe.levels)
     planes = exemplar_planes(exemplar, images, matching_dtype(recipe, samples.shape[1]))
     check_candidates(recipe, planes)
+    if len(samples) > 1 and recipe.refuses:
+        # Outputs with exemplars of their own part company at the first refusal: better at once.
+        return Result.joined(
+            [
+                synthesize(one, size, recipe, controls=some, seed=alone, codebook=codebook, progress=progress)
+                for one, some, alone in zip(exemplar.split(), controls.split(len(seeds)), seeds, strict=True)
+            ]
+        )
     if codebook is not None:
         codebook.check(exemplar, recipe, planes)
 
@@ -119,17 +127,12 @@ def synthesize(
         starts = recipe.initial.start(images, size, recipe.boundary, generators)
     else:
         starts = gaussian_pyramid(initial, recipe.levels, border_of(recipe.boundary))
-    dtype, device = planes[0].values.dtype, samples.device
-    targets = _target_planes(target, controls.target_region, recipe, dtype)
+    targets = _target_planes(target, controls.target_region, recipe, planes[0].values.dtype)
     canvases = []
-    for level, (start, image, plane) in enumerate(zip(starts, images, planes, strict=True)):
-        frames = _frames(controls, (start.shape[2], start.shape[3]), device)
-        if surroundings is not None:
-            start = torch.where(surroundings[level].known, surroundings[level].picture, start)  # noqa: PLW2901
-        canvas = Canvas.blank(start, image, plane, recipe.boundary, targets[level], frames)
-        if surroundings is not None:
-            surroundings[level].give(canvas)
-        canvases.append(canvas)
+    for level, start in enumerate(starts):
+        frames = _frames(controls, (start.shape[2], start.shape[3]), samples.device)
+        around = None if surroundings is None else surroundings[level]
+        canvases.append(_canvas(start, images[level], planes[level], recipe, targets[level], frames, around))
     # Inference mode spares each of many thousand small operations some bookkeeping: an eighth of the time
     # of coherent search. Canvases are made outside of it, so that results are ordinary tensors.
     with exact_arithmetic(samples.device.type), torch.inference_mode():
@@ -265,6 +268,24 @@ def _check_fields(controls: Controls, size: Shape) -> None:
                 name, f"must have the output's height and width {size}",
                 f"its shape is {tuple(given.shape)}", "resize it, or pass one number",
             )  # fmt: skip
+
+
+def _canvas(
+    start: Image,
+    image: Image,
+    plane: Plane,
+    recipe: Recipe,
+    target: Plane | None,
+    frames: Frames | None,
+    around: Surroundings | None,
+) -> Canvas:
+    """The canvas of a level, with what is given around its hole, if it has one."""
+    if around is None:
+        return Canvas.blank(start, image, plane, recipe.boundary, target, frames)
+    start = torch.where(around.known, around.picture, start)
+    canvas = Canvas.blank(start, image, plane, recipe.boundary, target, frames)
+    around.give(canvas)
+    return canvas
 
 
 def _frames(controls: Controls, shape: Shape, device: torch.device) -> Frames | None:

@@ -26,4 +26,18 @@ RECIPES: dict[str, Callable[[], Recipe]] = {
 }
 """The recipes by name, with their default parameters."""
 
-__all__ = ["RECIPES", "with_target", *RECIPES]
+__all__ = [
+    "RECIPES",
+    "ashikhmin",
+    "ashikhmin_multires",
+    "ashikhmin_target",
+    "coherent_fill",
+    "distorted",
+    "efros_leung",
+    "random_order",
+    "wei_levoy",
+    "wei_levoy_fill",
+    "wei_levoy_single",
+    "wei_levoy_tsvq",
+    "with_target",
+]
