@@ -12,12 +12,14 @@ from torchsynth import checks
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
+from torchsynth.feasibility import check_candidates, check_growing
 from torchsynth.lattice import Boundary, Shape
 from torchsynth.morphology import grown
+from torchsynth.pyramid import border_of, whole_regions
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import coherent_fill
 from torchsynth.result import Result
-from torchsynth.synthesis import Progress, synthesize
+from torchsynth.synthesis import Progress, exemplar_planes, synthesize
 
 # A strip along the border is this share of the shorter side, if nothing else is asked for.
 _STRIP = 8
@@ -43,12 +45,41 @@ class Plan:
         self, recipe: Recipe | None, seed: int | Sequence[int], progress: Progress | None = None
     ) -> Result:
         """Complete the picture; the recipe's boundary is made to fit."""
-        chosen = coherent_fill() if recipe is None else recipe
-        checks.check_type(chosen, Recipe, "recipe", "pass e.g. torchsynth.recipes.efros_leung()")
         return synthesize(
-            self.exemplar, self.size, chosen.changed(boundary=self.boundary), controls=self.controls,
-            seed=seed, progress=progress,
-        )  # fmt: skip
+            self.exemplar,
+            self.size,
+            self.fitting(recipe),
+            controls=self.controls,
+            seed=seed,
+            progress=progress,
+        )
+
+    def fitting(self, recipe: Recipe | None) -> Recipe:
+        """The recipe with this boundary; None means the usual one, with as many levels as there can be."""
+        if recipe is not None:
+            checks.check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.efros_leung()")
+            return recipe.changed(boundary=self.boundary)
+        most = coherent_fill().levels
+        for levels in range(most, 1, -1):
+            usual = coherent_fill(levels=levels).changed(boundary=self.boundary)
+            try:
+                self.check(usual)
+            except InputError:
+                continue  # too coarse for this picture
+            return usual
+        return coherent_fill(levels=1).changed(boundary=self.boundary)
+
+    def check(self, recipe: Recipe) -> None:
+        """Whether a recipe fits the picture.
+
+        Raises:
+            InputError: If some level has nothing known, or nothing to sample.
+        """
+        picture, hole = self.controls.initial, self.controls.hole
+        assert picture is not None and hole is not None, "a plan has both"  # noqa: S101, PT018 (for the type checker)
+        check_growing(recipe, whole_regions(~hole, recipe.levels, border_of(recipe.boundary)))
+        images = self.exemplar.images(recipe.levels)
+        check_candidates(recipe, exemplar_planes(self.exemplar, images, picture.dtype))
 
 
 def plan_filling(
@@ -74,6 +105,12 @@ def plan_filling(
     checks.check_hole(hole, image)
     shape = _shape(image)
     if exemplar is not None:
+        checks.check_image(exemplar, "exemplar")
+        if exemplar.shape[-3] != image.shape[-3]:
+            raise InputError(
+                "exemplar", f"must have the picture's {image.shape[-3]} channel(s)",
+                f"it has {exemplar.shape[-3]}", "convert it",
+            )  # fmt: skip
         if within is not None:
             raise InputError(
                 "within", "counts pixels around the hole, in the picture itself", "another exemplar is given",
@@ -119,8 +156,8 @@ def fill(
         hole: ``(H, W)``, True where the picture is to be filled, in any number of pieces of any shape; or
             ``(B, H, W)``, for each picture its own. What the picture shows there makes no difference;
             outside, every value stays as it is.
-        recipe: One that fills: ``coherent_fill`` (the default, fast), ``efros_leung``, ``wei_levoy_fill``,
-            or any other that synthesizes.
+        recipe: One that fills: ``coherent_fill``, ``efros_leung``, ``wei_levoy_fill``, or any other. None
+            means ``coherent_fill``, with fewer levels if the picture is too small for its usual ones.
         exemplar: Another picture ``(C, H', W')`` to sample from; None means the picture itself.
         valid: Where that may be sampled, True at each usable pixel; None means everything known.
         within: Sample only pixels that are at most so far from the hole, along rows and columns. It makes

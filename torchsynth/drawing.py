@@ -86,6 +86,8 @@ def draw_patches(result: Result) -> Image:
 def draw_sources(result: Result) -> Image:
     """The source map in color: red grows with the exemplar's columns, green with its rows.
 
+    Pixels without source are black.
+
     Example:
         >>> import torchsynth as ts
         >>> result = ts.synthesize(torch.rand(1, 16, 16), (8, 8), ts.recipes.ashikhmin())
@@ -96,7 +98,8 @@ def draw_sources(result: Result) -> Image:
     check_sources(result.recipe, "sources")
     rows, columns = result.source.double().unbind(1)
     rows, columns = rows / max(1, height - 1), columns / max(1, width - 1)
-    return torch.stack((columns, rows, 1 - (rows + columns) / 2), dim=1).to(result.image.dtype)
+    colors = torch.stack((columns, rows, 1 - (rows + columns) / 2), dim=1)
+    return colors.masked_fill((result.source[:, :1] < 0), 0).to(result.image.dtype)
 
 
 def draw_field(angle: Tensor | float | None, scale: Tensor | float | None, shape: Shape) -> Image:

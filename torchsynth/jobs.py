@@ -6,8 +6,8 @@ import io
 import json
 import os
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,11 +29,12 @@ from torchsynth.io import (
     staging,
 )
 from torchsynth.lattice import Shape
-from torchsynth.records import Job, paths_of, record_of, words_of
+from torchsynth.orders import Order
+from torchsynth.records import Job, paths_of, record_of
 from torchsynth.result import Result, check_sources
 from torchsynth.synthesis import Progress, synthesize
 from torchsynth.training import TrainingProgress, train
-from torchsynth.wishes import FIELDS, check_field_word, controls_from, white
+from torchsynth.wishes import FIELDS, check_field_word, grays_of, white
 
 _BATCH = 8
 """Outputs made together: more gain little and hold more memory."""
@@ -58,10 +59,18 @@ class Files:
     figures: dict[str, Path] = field(default_factory=dict)
 
 
-def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
+def run(
+    job: Job, files: Files, progress: Progress | None = None, note: Callable[[str], None] | None = None
+) -> list[Path]:
     """Make the outputs of a job and write them, each file whole or not at all.
 
     Several outputs are made some at a time; those that are written stay, whatever happens to the rest.
+
+    Args:
+        job: What to make.
+        files: Where it goes.
+        progress: See :data:`torchsynth.synthesis.Progress`.
+        note: Told what a user should know, though it is no error.
 
     Returns:
         The pictures that were written.
@@ -71,38 +80,41 @@ def run(job: Job, files: Files, progress: Progress | None = None) -> list[Path]:
         OutputError: If a file cannot be written, or exists; checked before the work starts.
     """
     inputs, codebook = _read_inputs(job)
-    exemplar = inputs["exemplar"]
-    size = checks.check_size(job.size or _usual_size(inputs))
+    order = Order.of(job, inputs)
+    job = replace(job, recipe=order.recipe, size=order.size)
+    _note_grays(inputs, note)
     checks.check_seeds(job.seeds, None)
-    check_storable(files.output, len(exemplar.image), size)
+    check_storable(files.output, len(order.picture.image), order.size)
     targets = [_targets(files, number, job.recipe.levels) for number in _numbers(job)]
     for path in files.figures.values():
-        check_storable(path, 3, size)
+        check_storable(path, 3, order.size)
     _check_targets(job, files, [path for one in targets for path in one.all])
     copied = job.recipe.has_sources and job.recipe.blur_seams is None
     # Means of black and white are gray.
-    depth: Depth = "8-bit" if exemplar.depth == "1-bit" and not copied else exemplar.depth
-    sample = _sample(inputs)
-    controls = controls_from(inputs, words_of(job), len(exemplar.image), size)
+    depth: Depth = "8-bit" if order.picture.depth == "1-bit" and not copied else order.picture.depth
     for kind in files.figures:
-        check_drawable(kind, controls)
+        check_drawable(kind, order.controls)
         if kind != "field":
             check_sources(job.recipe, kind)
     if files.source_map is not None:
         check_sources(job.recipe, "--source-map")
-    batch = outputs_that_fit(job.recipe, sample.samples, size, min(_BATCH, len(job.seeds)))
+    sample = order.exemplar
+    batch = outputs_that_fit(job.recipe, sample.samples, order.size, min(_BATCH, len(job.seeds)))
     for start in range(0, len(job.seeds), batch):
         seeds = job.seeds[start : start + batch]
         result = synthesize(
-            sample, size, job.recipe, controls=controls, seed=seeds, codebook=codebook, progress=progress
-        )
+            sample, order.size, job.recipe, controls=order.controls, seed=seeds, codebook=codebook,
+            progress=progress,
+        )  # fmt: skip
+        finished = order.finished(result.image)
         with staging() as put:
             for item, target in enumerate(targets[start : start + batch]):
-                _put_output(put, result, item, depth, target)
+                put(target.picture, encode_image(finished[item], target.picture, depth))
+                _put_details(put, result, item, depth, target)
                 for kind, path in target.figures.items():
-                    drawing = draw(kind, result, controls)[item]
+                    drawing = draw(kind, result, order.controls)[item]
                     put(path, encode_image(drawing, path, "8-bit"))
-                record = record_of(job, _digests(inputs, codebook), size, seeds[item])
+                record = record_of(job, _digests(inputs, codebook), order.size, seeds[item])
                 put(target.record, json.dumps(record, indent=2).encode())
     return [target.picture for target in targets]
 
@@ -122,7 +134,8 @@ def run_training(
     inputs, _ = _read_inputs(job)
     _check_distinct(paths_of(job).values(), [output])
     check_savable(output, overwrite=overwrite)
-    codebook = train(_sample(inputs), job.recipe, progress=progress)
+    valid = white(inputs["valid"]) if "valid" in inputs else None
+    codebook = train(Exemplar(inputs["exemplar"].image, valid), job.recipe, progress=progress)
     return codebook.save(output, overwrite=overwrite)
 
 
@@ -238,24 +251,15 @@ def _digests(pictures: dict[str, Picture], codebook: Codebook | None) -> dict[st
     return digests
 
 
-def _sample(inputs: dict[str, Picture]) -> Exemplar:
-    if "valid" not in inputs:
-        return Exemplar(inputs["exemplar"].image)
-    return Exemplar(inputs["exemplar"].image, white(inputs["valid"]))
+def _note_grays(inputs: dict[str, Picture], note: Callable[[str], None] | None) -> None:
+    """Say what is done with a mask that is not only black and white."""
+    grays = grays_of(inputs["hole"]) if "hole" in inputs else 0
+    if grays > 0 and note is not None:
+        note(f"{grays} pixel(s) of the hole are gray: those lighter than half are filled, the others are not")
 
 
-def _usual_size(inputs: dict[str, Picture]) -> Shape:
-    """The target's size, or else twice the exemplar's."""
-    if "target" in inputs:
-        height, width = inputs["target"].image.shape[1:]
-        return height, width
-    height, width = inputs["exemplar"].image.shape[1:]
-    return 2 * height, 2 * width
-
-
-def _put_output(put: Put, result: Result, item: int, depth: Depth, targets: _Targets) -> None:
-    """One sample of a result: its picture, and its levels and source map where they are wanted."""
-    put(targets.picture, encode_image(result.image[item], targets.picture, depth))
+def _put_details(put: Put, result: Result, item: int, depth: Depth, targets: _Targets) -> None:
+    """The levels and the source map of one sample of a result, where they are wanted."""
     if targets.source_map is not None:
         buffer = io.BytesIO()
         source = result.source[item].cpu().numpy().astype(np.int32)

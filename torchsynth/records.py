@@ -6,9 +6,9 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from torchsynth import config
 from torchsynth.errors import ConfigError
@@ -17,13 +17,39 @@ from torchsynth.recipe import Recipe
 from torchsynth.versions import versions
 from torchsynth.wishes import FIELDS, is_file
 
+PICTURES = ("exemplar", "valid", "initial", "target", "target_region", "image", "hole")
+"""The inputs that are always files."""
+
+Task: TypeAlias = Literal["synthesize", "fill", "extend", "tile"]
+"""What is done to a picture; all but the first complete one."""
+
+
+class Completion(BaseModel):
+    """How a picture is completed; which of these count depends on the task.
+
+    Args:
+        task: What is done.
+        hole: What marks the hole, if no file does: ``alpha`` or a color such as ``#ff00ff``.
+        at: Row and column at which the picture lies in the extended one; None puts it in the middle.
+        within: Sample only so many pixels around the hole.
+        width: Of the strip that makes a picture tile.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    task: Task = "synthesize"
+    hole: str | None = None
+    at: tuple[int, int] | None = None
+    within: int | None = None
+    width: int | None = None
+
 
 @dataclass(frozen=True)
 class Job:
     """What to make.
 
     Args:
-        exemplar: Path of the sample, or ``sample:NAME``.
+        exemplar: Path of the sample, or ``sample:NAME``. A picture that is completed from itself is its own.
         recipe: The algorithm.
         size: Height and width; None means the target's, or twice the exemplar's.
         seeds: One for each output.
@@ -34,6 +60,9 @@ class Job:
         angle: By how much the texture is turned: degrees, a maker such as ``swirl:180``, or a path.
         scale: By how much it is enlarged: a factor, a maker such as ``zoom:0.5,2``, or a path.
         codebook: Path of a codebook that was trained for this exemplar and recipe.
+        completion: Whether a picture is completed, and how.
+        image: Path of the picture to be completed, if it is not the exemplar.
+        hole: Path of a picture that is white where it is to be filled.
         sha256: What each of these files has to hash to, where that is known.
     """
 
@@ -48,6 +77,9 @@ class Job:
     angle: str | None = None
     scale: str | None = None
     codebook: str | None = None
+    completion: Completion = Completion()
+    image: str | None = None
+    hole: str | None = None
     sha256: dict[str, str] | None = None
 
 
@@ -80,6 +112,9 @@ def load_record(path: Path) -> Job:
         angle=paths.get("angle", record.fields.get("angle")),
         scale=paths.get("scale", record.fields.get("scale")),
         codebook=paths.get("codebook"),
+        completion=record.completion,
+        image=paths.get("image"),
+        hole=paths.get("hole"),
         sha256={name: one.sha256 for name, one in record.inputs.items()},
     )
 
@@ -110,10 +145,12 @@ def record_of(job: Job, digests: dict[str, str], size: Shape, seed: int) -> dict
         size: Of the output.
         seed: Of this output.
     """
+    completion = job.completion.model_dump(mode="json", exclude_none=True)
     return {
         "recipe": job.recipe.model_dump(mode="json", exclude_none=True),
         "size": list(size),
         "seed": seed,
+        **({} if job.completion == Completion() else {"completion": completion}),
         **({"fields": words_of(job)} if words_of(job) else {}),
         "inputs": {name: {"path": path, "sha256": digests[name]} for name, path in paths_of(job).items()},
         "versions": versions(),
@@ -128,7 +165,7 @@ def words_of(job: Job) -> dict[str, str]:
 
 def paths_of(job: Job) -> dict[str, str]:
     """The input files by what they are for."""
-    names = ("exemplar", "valid", "initial", "target", "target_region", "codebook", *FIELDS)
+    names = (*PICTURES, "codebook", *FIELDS)
     paths = {name: getattr(job, name) for name in names if getattr(job, name) is not None}
     return {name: path for name, path in paths.items() if name not in words_of(job)}
 
@@ -145,9 +182,13 @@ class _Record(BaseModel):
     size: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]]
     seed: int
     inputs: dict[
-        Literal["exemplar", "valid", "initial", "target", "target_region", "angle", "scale", "codebook"],
+        Literal[
+            "exemplar", "valid", "initial", "target", "target_region", "image", "hole", "angle", "scale",
+            "codebook",
+        ],
         _Input,
-    ]
+    ]  # fmt: skip
+    completion: Completion = Completion()
     fields: dict[Literal["angle", "scale"], str] = {}
 
     @model_validator(mode="after")

@@ -89,7 +89,8 @@ class Result:
     def source(self) -> SourceMap:
         """``(B, 2, OH, OW)``: the exemplar's row and column each pixel was copied from.
 
-        Pixels whose value is a TSVQ centroid come from nowhere: -1.
+        Pixels whose value is a TSVQ centroid come from nowhere: -1; as do those known around a hole that is
+        filled from another picture.
         """
         return self.levels[0].source
 
@@ -206,7 +207,9 @@ def breaks(source: SourceMap, boundary: Boundary) -> tuple[Tensor, Tensor]:
     for axis in (0, 1):
         expected = source.clone()
         expected[:, axis] += 1
-        broken = (source.roll(-1, axis + 2) != expected).any(1)
+        after = source.roll(-1, axis + 2)
+        # Between two pixels without source there is nothing to see.
+        broken = (after != expected).any(1) & ~((after < 0) & (source < 0)).any(1)
         if boundary == "open":
             broken.select(axis + 1, -1).fill_(False)
         found.append(broken)
@@ -248,6 +251,11 @@ def transfer(source: SourceMap, other: Tensor, exemplar_shape: Shape) -> Tensor:
         raise InputError(
             "other", f"must be one map, or {len(source)}: one for each output",
             f"there are {len(maps)}", "pass them one for each output",
+        )  # fmt: skip
+    if bool((source < 0).any()):
+        raise InputError(
+            "transfer", "needs a source for every pixel", "some were given, and come from no exemplar pixel",
+            "fill the picture from itself, not from another exemplar",
         )  # fmt: skip
     height, width = source.shape[-2:]
     sites = (source[:, 0] * exemplar_shape[1] + source[:, 1]).flatten(1)

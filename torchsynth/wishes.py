@@ -5,11 +5,14 @@ from __future__ import annotations
 import difflib
 import inspect
 import os
+import re
 from collections.abc import Mapping
 
+import torch
 from torch import Tensor
 
 from torchsynth import checks
+from torchsynth._typing import Region
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.field import MAKERS
@@ -160,6 +163,56 @@ def white(picture: Picture) -> Tensor:
     image = picture.image
     colors = image[:-1] if len(image) in (2, 4) else image
     return colors.mean(0) > _OPAQUE
+
+
+def hole_word(image: Tensor, word: str) -> tuple[Tensor, Region]:
+    """A picture and its hole, where a word says what marks it.
+
+    Args:
+        image: ``(C, H, W)``.
+        word: ``alpha`` for the pixels that are more transparent than opaque; or a color, ``#rrggbb``.
+
+    Returns:
+        The picture, without its alpha channel if that marks the hole; and the hole.
+
+    Raises:
+        InputError: If there is no alpha channel, or the word is neither.
+
+    Example:
+        >>> import torch
+        >>> hole_word(torch.tensor([[[0.0, 1.0]]]), "#ffffff")[1].tolist()
+        [[False, True]]
+    """
+    if word == "alpha":
+        if len(image) not in (2, 4):
+            raise InputError(
+                "hole", "can be the alpha channel of a picture that has one", f"it has {len(image)} channel(s)",
+                "give a mask file, or a color such as #ff00ff",
+            )  # fmt: skip
+        return image[:-1], image[-1] < _OPAQUE
+    match = re.fullmatch(r"#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})", word)
+    if match is None:
+        raise InputError(
+            "hole", "must be a picture file, the word alpha, or a color #rrggbb",
+            f"it is {checks.shortened(word)}, and there is no such file", "check the path",
+        )  # fmt: skip
+    color = torch.tensor([int(digits, 16) for digits in match.groups()])
+    steps = (image * 255).round()
+    colors = steps[:3] if len(image) in (3, 4) else steps[:1].expand(3, -1, -1)
+    return image, (colors == color.view(3, 1, 1)).all(0)
+
+
+def grays_of(picture: Picture) -> int:
+    """How many pixels of a mask are neither black nor white.
+
+    Example:
+        >>> import torch
+        >>> grays_of(Picture(torch.tensor([[[0.0, 0.3, 1.0]]]), "8-bit", ""))
+        1
+    """
+    image = picture.image
+    colors = (image[:-1] if len(image) in (2, 4) else image).mean(0)
+    return int(((colors > 0) & (colors < 1)).sum())
 
 
 def _number(text: str) -> float | None:

@@ -134,8 +134,8 @@ def wei_levoy_fill(
 
 def coherent_fill(
     *,
-    levels: int = 1,
-    neighborhood: int = 7,
+    levels: int = 3,
+    neighborhood: int = 5,
     passes: int = 2,
     order_seed: int = 0,
     boundary: Boundary = "open",
@@ -146,8 +146,8 @@ def coherent_fill(
     which those at the hole's edge are the surroundings themselves.
 
     Args:
-        levels: Pyramid levels, 1 or more. A hole much wider than the structures around it is better
-            filled at several.
+        levels: Pyramid levels, 1 or more. The picture must be known somewhere at each of them. Visible
+            effect: more carry larger structures, such as rows of bricks, further into the hole.
         neighborhood: Side of the square neighborhood in pixels, odd, 3 or more.
         passes: How often each level is filled: once with what is known, then with all of it.
         order_seed: In which order pixels with equally many known neighbors come.
