@@ -19,13 +19,17 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import re
 import resource
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import product
 from pathlib import Path
 
+import arguments
 import torch
 from rich.console import Console
 from rich.table import Table
@@ -37,6 +41,7 @@ from torchsynth.neighborhood import Plane, candidates, layers_at, quantize
 from torchsynth.pyramid import level_shapes
 
 QUERIES = 512
+STATUS = Path("/proc/self/status")
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,7 @@ def measure(case: Case) -> dict[str, float]:
     torch.set_num_threads(case.threads)
     exemplar = ts.read_image(case.exemplar)
     recipe = ts.load_recipe(case.recipe)
-    height, width = map(int, case.size.split("x"))
+    height, width = arguments.size(case.size)
     seeds = list(range(case.batch))
     ramp = torch.linspace(0, 1, width).expand(len(exemplar), height, width)
     controls = ts.Controls(target=ramp) if recipe.follows_target else None
@@ -108,13 +113,21 @@ def _product_seconds(queries: int, features: int, found: int, dtype: torch.dtype
 
 
 def _peak_megabytes() -> float:
+    if STATUS.exists():
+        # On Linux ru_maxrss is no less than what the process that started this one had.
+        found = re.search(r"^VmHWM:\s*(\d+) kB$", STATUS.read_text(), re.MULTILINE)
+        if found:
+            return int(found[1]) / 2**10
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def _in_own_process(case: Case) -> dict[str, float]:
     command = [sys.executable, __file__, "--case", json.dumps(asdict(case))]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode != 0:  # it has said why, in one line if the input was wrong
+        sys.stderr.write(done.stderr)
+        sys.exit(done.returncode)
     measured: dict[str, float] = json.loads(done.stdout)
     return measured
 
@@ -142,39 +155,50 @@ def _table(rows: list[dict[str, object]]) -> Table:
     return table
 
 
-def main() -> None:
-    """Measure every combination that was asked for, and print a table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--recipes", nargs="+", default=sorted(ts.recipes.RECIPES))
-    parser.add_argument("--exemplars", nargs="+", default=["sample:brick"])
-    parser.add_argument("--sizes", nargs="+", default=["128x128", "256x256"])
-    parser.add_argument("--batches", nargs="+", type=int, default=[1])
-    parser.add_argument("--threads", nargs="+", type=int, default=[1, 2])
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--out", type=Path, help="also write the figures here, as JSON")
-    parser.add_argument("--case", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.case:
-        print(json.dumps(measure(Case(**json.loads(options.case)))))
-        return
-    rows: list[dict[str, object]] = []
+def cases(options: argparse.Namespace) -> list[Case]:
+    """Every combination that was asked for; what they name is there."""
     for recipe in options.recipes:
-        for exemplar in options.exemplars:
-            for size in options.sizes:
-                for batch in options.batches:
-                    for threads in options.threads:
-                        case = Case(recipe, exemplar, size, batch, threads, options.repeats)
-                        rows.append(asdict(case) | _in_own_process(case))
+        ts.load_recipe(recipe)
+    for exemplar in options.exemplars:
+        ts.read_image(exemplar)
+    sizes = [f"{height}x{width}" for height, width in options.sizes]
+    wanted = product(options.recipes, options.exemplars, sizes, options.batches, options.threads)
+    return [Case(*one, options.repeats) for one in wanted]
+
+
+def report(wanted: Sequence[Case], out: Path | None) -> None:
+    """Measure the cases one after the other, print a table, and write the figures."""
+    rows = [asdict(case) | _in_own_process(case) for case in wanted]
     Console(width=140).print(_table(rows))
-    if options.out:
+    if out:
         about = {
             "torch": torch.__version__,
             "python": platform.python_version(),
             "machine": platform.machine(),
         }
-        options.out.write_text(json.dumps({"versions": about, "rows": rows}, indent=2))
+        out.write_text(json.dumps({"versions": about, "rows": rows}, indent=2))
+
+
+def main() -> None:
+    """Measure what was asked for; with ``--case``, one case in this process."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    count = arguments.whole_number(1)
+    parser.add_argument("--recipes", nargs="+", default=sorted(ts.recipes.RECIPES))
+    parser.add_argument("--exemplars", nargs="+", default=["sample:brick"])
+    parser.add_argument("--sizes", nargs="+", type=arguments.size, default=[(128, 128), (256, 256)])
+    parser.add_argument("--batches", nargs="+", type=count, default=[1])
+    parser.add_argument("--threads", nargs="+", type=count, default=[1, 2])
+    parser.add_argument("--repeats", type=count, default=3)
+    parser.add_argument("--out", type=arguments.file_to_write, help="also write the figures here, as JSON")
+    parser.add_argument("--case", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    with arguments.one_line_errors(parser):
+        if options.case:
+            print(json.dumps(measure(Case(**json.loads(options.case)))))
+        else:
+            report(cases(options), options.out)
 
 
 if __name__ == "__main__":

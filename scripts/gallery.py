@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
+import arguments
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -264,14 +265,16 @@ def main() -> None:
     """Make the pictures that are asked for, or all."""
     parser = argparse.ArgumentParser(description="Make the pictures of the README.")
     parser.add_argument("--out", type=Path, required=True, help="the folder to write to")
-    parser.add_argument("--only", nargs="*", default=[make.__name__ for make in PICTURES], help="which ones")
+    names = [make.__name__ for make in PICTURES]
+    parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME", help="which ones")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    for make in PICTURES:
-        if make.__name__ in options.only:
-            path = options.out / f"{make.__name__}.jpg"
-            save(make(), path)
-            print(path, f"{path.stat().st_size // 1000} kB", flush=True)
+    with arguments.one_line_errors(parser):
+        options.out.mkdir(parents=True, exist_ok=True)
+        for make in PICTURES:
+            if make.__name__ in options.only:
+                path = options.out / f"{make.__name__}.jpg"
+                save(make(), path)
+                print(path, f"{path.stat().st_size // 1000} kB", flush=True)
 
 
 if __name__ == "__main__":

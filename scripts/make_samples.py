@@ -1,14 +1,15 @@
 """Make the built-in samples again: ``python scripts/make_samples.py torchsynth/data``.
 
-Needs scikit-image, whose wheel holds the CC0 textures that three of them are cropped from; the colored
-pebbles are computed here.
+Needs scikit-image and pooch (``pip install scikit-image pooch``): the wheel of the former holds the CC0
+textures that three of the samples are cropped from. The colored pebbles are computed here.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
+import arguments
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -43,18 +44,33 @@ def pebbles(side: int, count: int, seed: int) -> NDArray[np.uint8]:
     color = tone[stone] * light[..., None] + random.normal(0, 4, (side, side, 1))
     ground = np.array([46, 40, 36])
     shown = ground + (color - ground) * np.clip(height * 1.5 - 0.25, 0, 1)[..., None]
-    return shown.clip(0, 255).round().astype(np.uint8)
+    pixels: NDArray[np.uint8] = shown.clip(0, 255).round().astype(np.uint8)
+    return pixels
 
 
-def main(folder: Path) -> None:
+def make(folder: Path) -> None:
     """Write the four samples to a folder."""
-    from skimage import data
+    try:
+        import pooch  # noqa: F401 (scikit-image needs it to find its own files)
+        from skimage import data
+    except ModuleNotFoundError as error:
+        raise SystemExit(f"{error}; run: pip install scikit-image pooch") from None
 
+    folder.mkdir(parents=True, exist_ok=True)
     for name, (row, column) in CROPS.items():
         picture = getattr(data, name)()[row : row + SIDE, column : column + SIDE]
         Image.fromarray(picture).save(folder / f"{name}.png", optimize=True)
     Image.fromarray(pebbles(SIDE, 121, seed=4)).save(folder / "pebbles.png", optimize=True)
 
 
+def main() -> None:
+    """Make the samples."""
+    parser = argparse.ArgumentParser(description="Make the built-in samples again.")
+    parser.add_argument("folder", type=Path, help="the folder to write to")
+    options = parser.parse_args()
+    with arguments.one_line_errors(parser):
+        make(options.folder)
+
+
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main()

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import arguments
 import matplotlib as mpl
 import numpy as np
 import torch
@@ -152,13 +153,13 @@ def _draw_cells(axes: Axes, points: Tensor, state: TSVQState) -> None:
     colors = ListedColormap(tones)
     extent = (*LIMITS, *LIMITS)
     style: Any = {"cmap": colors, "vmin": -0.5, "vmax": len(order) - 0.5}
-    cells = rank[leaves].view(len(ticks), len(ticks))
+    cells = rank[leaves].view(len(ticks), len(ticks)).numpy()
     axes.imshow(cells, origin="lower", extent=extent, alpha=0.35, interpolation="nearest", **style)
-    own = rank[_leaf_of(points, state)]
+    own = rank[_leaf_of(points, state)].numpy()
     axes.scatter(points[:, 0], points[:, 1], c=own, s=9, linewidths=0.3, edgecolors="white", **style)
     borders = (cells[1:, 1:] != cells[:-1, 1:]) | (cells[1:, 1:] != cells[1:, :-1])
     shade = np.zeros((*borders.shape, 4))
-    shade[borders.numpy()] = (1, 1, 1, 1)
+    shade[borders] = (1, 1, 1, 1)
     axes.imshow(shade, origin="lower", extent=extent, interpolation="nearest")
     _square(axes)
 
@@ -205,14 +206,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Make the pictures of how TSVQ works.")
     parser.add_argument("--out", type=Path, required=True, help="the folder to write to")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
     mpl.use("Agg")
     plt.rcParams.update({"font.size": 10, "axes.titlesize": 10})
-    for name, draw in PICTURES.items():
-        path = options.out / f"{name}.jpg"
-        jpeg = {"quality": 86, "subsampling": 0, "optimize": True}
-        draw().savefig(path, dpi=100, bbox_inches="tight", pad_inches=0.05, pil_kwargs=jpeg)
-        print(path, f"{path.stat().st_size // 1000} kB", flush=True)
+    with arguments.one_line_errors(parser):
+        options.out.mkdir(parents=True, exist_ok=True)
+        for name, draw in PICTURES.items():
+            path = options.out / f"{name}.jpg"
+            jpeg = {"quality": 86, "subsampling": 0, "optimize": True}
+            draw().savefig(path, dpi=100, bbox_inches="tight", pad_inches=0.05, pil_kwargs=jpeg)
+            print(path, f"{path.stat().st_size // 1000} kB", flush=True)
 
 
 if __name__ == "__main__":

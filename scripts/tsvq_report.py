@@ -1,7 +1,7 @@
 """How much of exhaustive search TSVQ finds, how fast, and what a small codebook costs.
 
     python scripts/tsvq_report.py --exemplar sample:brick --out report.json
-    python scripts/tsvq_report.py --large photo.png
+    python scripts/tsvq_report.py --large photo.png --size 256x256
 
 One texture is made by ``wei_levoy`` with exhaustive search. Its finest level gives the candidates, and
 the queries: the neighborhoods of random pixels of the finished level whose neighbors were all there when
@@ -22,9 +22,17 @@ codeword standing for the one vector nearest to it), as in the report, which fou
 than a tenth of the vectors to be enough. Its last column has the excess of an exhaustive search through
 that codebook: this part of the loss is due to the codebook, the rest to the descent.
 
-The third table has whole runs. With ``--large``, the same for the middle 512x512 pixels of a picture:
-TSVQ is run; exhaustive search is only timed on a sample of each level's neighborhoods from that run, and
-multiplied by the number of pixels.
+The third table has whole runs: seconds of training all trees (``ts.train``), of synthesis with them
+(``ts.synthesize(codebook=...)``), of both, and of the same synthesis with exhaustive search; and how many
+times longer the last takes than synthesis alone, which is what every further output costs, and than both.
+
+With ``--large``, the same for the middle 512x512 pixels of a picture. Here exhaustive search is not run but
+estimated: for each level, the time it takes to prepare the candidates, and the time per query times the
+number of pixels. The queries are the neighborhoods of 300 random pixels of the finished output (of all, if
+there are fewer), asked in whole waves of the mean size; exhaustive search takes as long for one query
+as for another. What a run does besides, reading neighborhoods and writing pixels, is left out of the
+estimate but not of the seconds of TSVQ: the ratios are rather too low than too high. Where both were tried,
+the estimate was up to a fifth below the time that exhaustive search really took.
 """
 
 from __future__ import annotations
@@ -38,6 +46,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import arguments
 import torch
 from rich.console import Console
 from rich.table import Table
@@ -46,7 +55,7 @@ from torch import Tensor
 import torchsynth as ts
 from torchsynth.accept import Best
 from torchsynth.feasibility import matching_dtype
-from torchsynth.lattice import to_cells
+from torchsynth.lattice import Shape, to_cells
 from torchsynth.neighborhood import (
     Index,
     Layer,
@@ -69,6 +78,7 @@ REPEATS = 3
 LONG = 2.0  # seconds after which nothing is repeated
 SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 DEEPEST = 30
+WIDEST = 64
 RUN_DEPTHS = (None, 8, 10, 12)
 LARGE = 512
 LARGE_QUERIES = 300
@@ -113,8 +123,42 @@ class Answers:
     us_per_query: float
 
 
-def level_of(result: ts.Result, level: int, count: int) -> Level:
-    """Gather the candidates of a level, and the neighborhoods of some of its pixels."""
+@dataclass(frozen=True)
+class Run:
+    """The seconds of a whole run with trees, and of one with exhaustive search.
+
+    Args:
+        exemplar: Height and width.
+        size: Of the output.
+        depth: Of the trees; None for leaves of up to 64 vectors.
+        training_s: Of the trees of all levels.
+        synthesis_s: With these trees.
+        exhaustive_s: The same synthesis with exhaustive search.
+    """
+
+    exemplar: Shape
+    size: Shape
+    depth: int | None
+    training_s: float
+    synthesis_s: float
+    exhaustive_s: float
+
+    @property
+    def whole_s(self) -> float:
+        """Training and synthesis."""
+        return self.training_s + self.synthesis_s
+
+
+def level_of(result: ts.Result, level: int, count: int, *, anywhere: bool = False) -> Level:
+    """Gather the candidates of a level, and the neighborhoods of some of its pixels.
+
+    Args:
+        result: A finished run.
+        level: Which level.
+        count: How many neighborhoods, if there are as many.
+        anywhere: Take those of any pixels. Some were never searched for, as a neighbor came after its
+            pixel: enough to see how long a search takes, but not how near its matches are.
+    """
     recipe = result.recipe
     dtype = matching_dtype(ts.recipes.wei_levoy_tsvq(), result.image.shape[1])
     exemplar = [_exemplar_plane(one.exemplar, dtype) for one in result.levels]
@@ -127,7 +171,7 @@ def level_of(result: ts.Result, level: int, count: int) -> Level:
     shape, boundary = output[level].shape, recipe.boundary
     rank = sweep.order.rank(shape, (vertical, horizontal), boundary).flatten()
     waves = schedule(sweep.order, shape, (vertical, horizontal), boundary).sizes
-    sites = _already_there(layers, output[level], rank)
+    sites = torch.arange(len(rank)) if anywhere else _already_there(layers, output[level], rank)
     sites = sites[torch.randperm(len(sites), generator=torch.Generator().manual_seed(0))[:count]]
     cells = to_cells(sites, shape[1])
     planes = [(one, output[level + one.steps_up]) for one in layers]
@@ -230,53 +274,65 @@ def _excess(found: Answers, best: Answers) -> float:
     return float((found.distance - best.distance).mean() / best.distance.mean())
 
 
-def whole_runs(exemplar: Tensor, size: tuple[int, int], result: ts.Result, seconds: float) -> Table:
-    """Training all levels, and whole runs, against the exhaustive run that was timed already."""
-    table = Table("depth", "training, all levels, s", "whole run, s", "exhaustive run, s")
-    levels = [level_of(result, number, 1) for number in range(len(result.levels))]
-    for depth in RUN_DEPTHS:
-        recipe = ts.recipes.wei_levoy_tsvq(depth=depth)
-        started = time.perf_counter()
-        for level in levels:
-            ts.TSVQ(depth=depth).fit(level.index, complete=True)
-        trained = time.perf_counter() - started
-        started = time.perf_counter()
-        ts.synthesize(exemplar, size, recipe, seed=0)
-        table.add_row(
-            _named(depth), f"{trained:.2f}", f"{time.perf_counter() - started:.2f}", f"{seconds:.2f}"
-        )
-    return table
+def timed_run(exemplar: Tensor, size: Shape, depth: int | None) -> tuple[ts.Result, float, float]:
+    """A texture made with trees, the seconds of training them, and those of using them."""
+    recipe = ts.recipes.wei_levoy_tsvq(depth=depth)
+    started = time.perf_counter()
+    codebook = ts.train(exemplar, recipe)
+    trained = time.perf_counter()
+    result = ts.synthesize(exemplar, size, recipe, codebook=codebook, seed=0)
+    return result, trained - started, time.perf_counter() - trained
 
 
-def _named(depth: int | None) -> str:
-    return "to leaves of 64" if depth is None else f"{depth}"
+def whole_runs(exemplar: Tensor, size: Shape, seconds: float) -> list[Run]:
+    """Runs with trees of several depths, against the exhaustive run that was timed already."""
+    shape = (exemplar.shape[1], exemplar.shape[2])
+    return [Run(shape, size, depth, *timed_run(exemplar, size, depth)[1:], seconds) for depth in RUN_DEPTHS]
 
 
-def large_run(picture: Path, size: tuple[int, int], depth: int | None) -> Table:
-    """TSVQ on a large exemplar, and what exhaustive search would take for the same."""
+def middle_of(picture: Path) -> Tensor:
+    """The middle of a large picture."""
     image = ts.read_image(picture)
     height, width = image.shape[1:]
     if min(height, width) < LARGE:
-        raise SystemExit(f"{picture}: at least {LARGE}x{LARGE} pixels are needed, it has {height}x{width}")
+        raise ts.InputError(
+            str(picture), f"must have at least {LARGE}x{LARGE} pixels", f"it has {height}x{width}",
+            "take a larger one",
+        )  # fmt: skip
     top, left = (height - LARGE) // 2, (width - LARGE) // 2
-    exemplar = image[:, top : top + LARGE, left : left + LARGE].contiguous()
-    started = time.perf_counter()
-    result = ts.synthesize(exemplar, size, ts.recipes.wei_levoy_tsvq(depth=depth), seed=0)
-    run = time.perf_counter() - started
-    estimated, trained = 0.0, 0.0
+    return image[:, top : top + LARGE, left : left + LARGE].contiguous()
+
+
+def large_run(exemplar: Tensor, size: Shape, depth: int | None) -> Run:
+    """A run with trees on a large exemplar, and an estimate of what exhaustive search would take."""
+    result, trained, used = timed_run(exemplar, size, depth)
+    estimated = 0.0
     for number in range(len(result.levels)):
-        level = level_of(result, number, LARGE_QUERIES)
-        started = time.perf_counter()
-        ts.TSVQ(depth=depth).fit(level.index, complete=True)
-        trained += time.perf_counter() - started
-        row, _ = exhaustive_row(level)
+        level = level_of(result, number, LARGE_QUERIES, anywhere=True)
+        # Whole waves only: what is left over takes far longer than its share of one.
+        whole = max(1, level.queries.shape[1] // level.wave) * level.wave
+        row, _ = exhaustive_row(replace(level, queries=level.queries[:, :whole]))
         estimated += row.train_s + row.us_per_query * 1e-6 * level.pixels
-    table = Table("exemplar", "depth", "training, s", "whole run, s", "exhaustive, estimated, s", "ratio")
-    table.add_row(
-        f"{LARGE}x{LARGE}", _named(depth), f"{trained:.1f}", f"{run:.1f}", f"{estimated:.0f}",
-        f"{estimated / run:.1f}",
+    return Run((exemplar.shape[1], exemplar.shape[2]), size, depth, trained, used, estimated)
+
+
+def runs_table(title: str, runs: Sequence[Run]) -> Table:
+    """Whole runs as a table to print."""
+    table = Table(
+        "exemplar", "output", "depth", "training s", "synthesis s", "both s", "exhaustive s",
+        "ratio, synthesis", "ratio, both", title=title,
     )  # fmt: skip
+    for run in runs:
+        table.add_row(
+            _sides(run.exemplar), _sides(run.size), "to leaves of 64" if run.depth is None else f"{run.depth}",
+            f"{run.training_s:.2f}", f"{run.synthesis_s:.2f}", f"{run.whole_s:.2f}", f"{run.exhaustive_s:.2f}",
+            f"{run.exhaustive_s / run.synthesis_s:.1f}", f"{run.exhaustive_s / run.whole_s:.1f}",
+        )  # fmt: skip
     return table
+
+
+def _sides(shape: Shape) -> str:
+    return f"{shape[0]}x{shape[1]}"
 
 
 def table_of(title: str, rows: Sequence[Row]) -> Table:
@@ -296,34 +352,15 @@ def table_of(title: str, rows: Sequence[Row]) -> Table:
     return table
 
 
-def main() -> None:
-    """Make the tables and print them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--exemplar", default="sample:brick")
-    parser.add_argument("--size", default="128x128")
-    parser.add_argument("--depths", nargs="+", type=int, default=[4, 6, 8, 10, 12])
-    parser.add_argument("--beams", nargs="+", type=int, default=[1, 2, 4])
-    parser.add_argument("--queries", type=int, default=2000)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--large", type=Path, help="a picture of 512x512 pixels or more")
-    parser.add_argument("--large-depth", type=int)
-    parser.add_argument("--out", type=Path, help="also write the figures here, as JSON")
-    options = parser.parse_args()
-    torch.set_num_threads(options.threads)
-    height, width = map(int, options.size.split("x"))
-    console = Console(width=140)
-
+def report(options: argparse.Namespace, console: Console) -> dict[str, list[dict[str, Any]]]:
+    """Make the tables and print them; returns their figures."""
+    # Both pictures are read before the minutes of work, so that it does not end with one that is not there.
     exemplar = ts.read_image(options.exemplar)
-    ts.synthesize(exemplar, (16, 16), ts.recipes.wei_levoy(), seed=0)  # to warm up
-    started = time.perf_counter()
-    result = ts.synthesize(exemplar, (height, width), ts.recipes.wei_levoy(), seed=0)
-    seconds = time.perf_counter() - started
-    level = level_of(result, 0, options.queries)
+    large = None if options.large is None else middle_of(options.large)
+    level, seconds = searched_level(exemplar, options.size, options.queries)
     _, number, features = level.index.features.shape
     console.print(
-        f"{options.exemplar}, {options.size}, finest level: {number} vectors of {features} features, "
+        f"{options.exemplar}, {_sides(options.size)}, finest level: {number} vectors of {features} features, "
         f"{level.queries.shape[1]} queries in waves of {level.wave}, {options.threads} thread(s)"
     )
     row, best = exhaustive_row(level)
@@ -337,13 +374,55 @@ def main() -> None:
     console.print(table_of("Search of a tree", rows))
     codebooks = [codebook_row(share, level, best) for share in SHARES]
     console.print(table_of("Search of a codebook alone", codebooks))
-    console.print(whole_runs(exemplar, (height, width), result, seconds))
-    if options.large:
-        console.print(large_run(options.large, (height, width), options.large_depth))
-    if options.out:
-        about = {"torch": torch.__version__, "python": platform.python_version()}
-        found = {"versions": about, "rows": [asdict(one) for one in rows + codebooks]}
-        options.out.write_text(json.dumps(found, indent=2))
+    runs = whole_runs(exemplar, options.size, seconds)
+    console.print(runs_table("Whole runs", runs))
+    estimates = [] if large is None else [large_run(large, options.size, options.large_depth)]
+    if estimates:
+        console.print(runs_table("Whole run, exhaustive search estimated", estimates))
+    return {
+        "rows": [asdict(one) for one in rows + codebooks],
+        "runs": [asdict(one) for one in runs],
+        "estimated_runs": [asdict(one) for one in estimates],
+    }
+
+
+def searched_level(exemplar: Tensor, size: Shape, count: int) -> tuple[Level, float]:
+    """The finest level of an exhaustive run, with queries of the run, and the seconds that it took."""
+    ts.synthesize(exemplar, (16, 16), ts.recipes.wei_levoy(), seed=0)  # to warm up
+    started = time.perf_counter()
+    result = ts.synthesize(exemplar, size, ts.recipes.wei_levoy(), seed=0)
+    seconds = time.perf_counter() - started
+    level = level_of(result, 0, count)
+    if level.queries.shape[1] == 0:
+        raise ts.InputError(
+            "--size", "must leave some pixel with all its neighbors before it", f"at {_sides(size)} there is none",
+            "ask for a larger output, e.g. 64x64",
+        )  # fmt: skip
+    return level, seconds
+
+
+def main() -> None:
+    """Make the report that is asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    count, depth, beam = (arguments.whole_number(*limits) for limits in ((1,), (1, DEEPEST), (1, WIDEST)))
+    parser.add_argument("--exemplar", default="sample:brick")
+    parser.add_argument("--size", type=arguments.size, default=(128, 128), help="of all outputs")
+    parser.add_argument("--depths", nargs="+", type=depth, default=[4, 6, 8, 10, 12])
+    parser.add_argument("--beams", nargs="+", type=beam, default=[1, 2, 4])
+    parser.add_argument("--queries", type=count, default=2000)
+    parser.add_argument("--threads", type=count, default=1)
+    parser.add_argument("--large", type=Path, help=f"a picture of {LARGE}x{LARGE} pixels or more")
+    parser.add_argument("--large-depth", type=depth, help="of the trees for it")
+    parser.add_argument("--out", type=arguments.file_to_write, help="also write the figures here, as JSON")
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    with arguments.one_line_errors(parser):
+        figures = report(options, Console(width=140))
+        if options.out:
+            about = {"torch": torch.__version__, "python": platform.python_version()}
+            options.out.write_text(json.dumps({"versions": about} | figures, indent=2))
 
 
 if __name__ == "__main__":

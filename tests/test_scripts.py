@@ -1,0 +1,257 @@
+"""The scripts: each does its work at a tiny size, and says in one line what is wrong with an argument."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+import torchsynth as ts
+
+ROOT = Path(__file__).parent.parent
+SCRIPTS = ROOT / "scripts"
+PICTURES = ROOT / "docs" / "images"
+SAMPLES = ROOT / "torchsynth" / "data"
+
+
+CASE = {"recipe": "wei_levoy", "size": "8x8", "batch": 1, "threads": 1, "repeats": 1}
+
+
+@pytest.fixture
+def script(monkeypatch, tmp_path):
+    """Import a script by its name, as if Python had been called with it and some arguments."""
+    monkeypatch.syspath_prepend(SCRIPTS)  # which is where Python looks first when it runs one of them
+    monkeypatch.chdir(tmp_path)
+
+    def load(name, *arguments):
+        path = SCRIPTS / f"{name}.py"
+        spec = importlib.util.spec_from_file_location(f"script_{name}", path)
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, spec.name, module)  # dataclasses look themselves up there
+        monkeypatch.setattr(sys, "argv", [str(path), *map(str, arguments)])
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture
+def picture(make_exemplar):
+    """Write a picture of a given size; returns its name."""
+
+    def write(side, name="picture.png"):
+        ts.write_image(make_exemplar(1, side, side), name)
+        return name
+
+    return write
+
+
+def pixels(path):
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+def test_benchmark_measures_in_a_process_of_its_own(script, capsys):
+    arguments = ["--sizes", "16x12", "--batches", 2, "--threads", 1, "--repeats", 1, "--out", "found.json"]
+    script("benchmark", "--recipes", "wei_levoy", *arguments).main()
+    (row,) = json.loads(Path("found.json").read_text())["rows"]
+    assert (row["recipe"], row["size"], row["batch"]) == ("wei_levoy", "16x12", 2)
+    assert 0 < row["wall_s"] < 60
+    assert row["us_per_pixel"] == pytest.approx(row["wall_s"] / (16 * 12 * 2) * 1e6)
+    assert row["ratio"] == pytest.approx(row["wall_s"] / row["floor_s"])
+    assert row["peak_mb"] > 0
+    assert "16x12" in capsys.readouterr().out
+
+
+def test_benchmark_passes_on_what_its_process_refuses(script, monkeypatch, capsys):
+    module = script("benchmark", "--recipes", "wei_levoy")
+    refused = subprocess.CompletedProcess([], 2, stdout="", stderr="benchmark.py: error: as I said\n")
+    monkeypatch.setattr(module.subprocess, "run", lambda *_, **__: refused)
+    with pytest.raises(SystemExit, match=r"^2$"):
+        module.main()
+    assert capsys.readouterr() == ("", refused.stderr)
+
+
+@pytest.mark.parametrize("recipe", ["ashikhmin_target", "distorted"])
+def test_benchmark_measures_recipes_with_wishes(script, capsys, recipe):
+    case = CASE | {"recipe": recipe, "exemplar": "sample:brick"}
+    script("benchmark", "--case", json.dumps(case)).main()
+    measured = json.loads(capsys.readouterr().out)
+    assert measured["us_per_pixel"] == pytest.approx(measured["wall_s"] / 64 * 1e6)
+    assert measured["floor_s"] > 0
+
+
+def test_the_gallery_makes_the_pictures_of_the_readme(script, capsys):
+    module = script("gallery", "--out", "made", "--only", "levels")
+    module.main()
+    assert [path.name for path in Path("made").iterdir()] == ["levels.jpg"]
+    made = pixels("made/levels.jpg")
+    assert made.shape == (192, 4 * 192 + 3 * module.GAP, 3)
+    # The texture is the same to the byte; encoders of JPEG differ a little.
+    assert np.abs(made - pixels(PICTURES / "levels.jpg")).mean() < 1
+    assert "levels.jpg" in capsys.readouterr().out
+
+
+def test_the_scripts_make_all_pictures_of_the_readme(script):
+    made = {make.__name__ for make in script("gallery").PICTURES} | set(script("tsvq_figures").PICTURES)
+    assert made == {path.stem for path in PICTURES.glob("*.jpg")}
+
+
+def test_the_figures_of_tsvq(script, capsys):
+    module = script("tsvq_figures", "--out", "made")
+    with module.mpl.rc_context():
+        module.main()
+    module.plt.close("all")
+    for name in module.PICTURES:
+        made, there = (pixels(folder / f"{name}.jpg") for folder in (Path("made"), PICTURES))
+        # Fonts differ from machine to machine, and with them the margins.
+        assert made.shape[:2] == pytest.approx(there.shape[:2], rel=0.1)
+        assert made.mean() == pytest.approx(there.mean(), rel=0.1)
+    assert capsys.readouterr().out.count(".jpg") == len(module.PICTURES)
+
+
+def test_lloyds_steps_of_the_figures_go_down(script):
+    module = script("tsvq_figures")
+    distortions = [step.distortion for step in module.lloyd(module.clusters())]
+    assert distortions == sorted(distortions, reverse=True)
+    assert distortions[-1] < distortions[0] / 2
+
+
+def test_the_samples_are_those_of_the_library(script):
+    pytest.importorskip("skimage")
+    pytest.importorskip("pooch")
+    script("make_samples", "made").main()
+    made = {path.name for path in Path("made").iterdir()}
+    assert made == {path.name for path in SAMPLES.glob("*.png")}
+    for name in made:
+        assert np.array_equal(pixels(f"made/{name}"), pixels(SAMPLES / name))
+
+
+def test_the_pebbles_are_those_of_the_library(script):
+    module = script("make_samples")
+    made = module.pebbles(module.SIDE, 121, seed=4).astype(int)
+    assert np.abs(made - pixels(SAMPLES / "pebbles.png")).max() <= 1
+
+
+def test_make_samples_says_what_it_needs(script, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pooch", None)  # as if it were not installed
+    module = script("make_samples", "made")
+    with pytest.raises(SystemExit, match="pip install scikit-image pooch"):
+        module.main()
+    assert not Path("made").exists()
+
+
+@pytest.fixture
+def report(script, monkeypatch):
+    """The TSVQ report, cut short."""
+
+    def load(*arguments):
+        module = script("tsvq_report", *arguments, "--depths", 3, "--beams", 1, 8, "--queries", 40)
+        for name, value in {"SHARES": (0.1,), "RUN_DEPTHS": (4,), "LARGE": 72, "LARGE_QUERIES": 20}.items():
+            monkeypatch.setattr(module, name, value)
+        return module
+
+    return load
+
+
+def test_the_tsvq_report(report, picture, capsys):
+    # The coarsest levels of so small an output have no pixel whose neighbors all come before it.
+    exemplar, large = picture(72), picture(75, "large.png")
+    report("--exemplar", exemplar, "--size", "20x24", "--large", large, "--out", "found.json").main()
+    found = json.loads(Path("found.json").read_text())
+
+    exhaustive, narrow, wide, *_, codebook = found["rows"]
+    assert (exhaustive["recall"], exhaustive["excess"]) == (1, 0)
+    assert exhaustive["codewords"] == (72 - 8) ** 2  # where a 9x9 neighborhood fits
+    assert (narrow["codewords"], wide["codewords"]) == (8, 8)
+    # A beam as wide as the tree tries all of its leaves.
+    assert 0 <= narrow["recall"] <= wide["recall"] == 1
+    assert narrow["excess"] >= wide["excess"] == 0
+    assert codebook["excess"] >= codebook["codebook_excess"] > 0
+    assert codebook["share"] == pytest.approx(0.1, abs=0.01)
+
+    (run,), (estimated,) = found["runs"], found["estimated_runs"]
+    assert (run["exemplar"], run["size"], run["depth"]) == ([72, 72], [20, 24], 4)
+    assert (estimated["exemplar"], estimated["depth"]) == ([72, 72], None)
+    for one in (run, estimated):
+        assert all(0 < one[f"{name}_s"] < 60 for name in ("training", "synthesis", "exhaustive"))
+    printed = capsys.readouterr().out
+    assert printed.index("Whole runs") < printed.index("exhaustive search estimated")
+
+
+def test_the_tsvq_report_compares_with_training_and_without(report, capsys):
+    module = report()
+    run = module.Run((72, 72), (20, 24), None, training_s=30.0, synthesis_s=4.0, exhaustive_s=68.0)
+    module.Console(width=140).print(module.runs_table("Runs", [run]))
+    row = capsys.readouterr().out.splitlines()[-2]
+    cells = [cell.strip() for cell in row.strip("│").split("│")]
+    assert cells == ["72x72", "20x24", "to leaves of 64", "30.00", "4.00", "34.00", "68.00", "17.0", "2.0"]
+
+
+def test_the_tsvq_report_estimates_all_levels(report, make_exemplar, monkeypatch):
+    module = report()
+    # A clock of our own: 2 seconds to prepare each level, 3 for each query.
+    row = module.Row("exhaustive", 2.0, 1, 1.0, 1.0, 0.0, 3e6)
+    monkeypatch.setattr(module, "exhaustive_row", lambda _: (row, None))
+    run = module.large_run(make_exemplar(1, 72, 72), (16, 24), None)
+    assert run.exhaustive_s == pytest.approx(4 * 2 + 3 * (16 * 24 + 8 * 12 + 4 * 6 + 2 * 3))
+    assert run.whole_s == run.training_s + run.synthesis_s
+
+
+def test_the_tsvq_report_asks_for_the_middle_of_a_large_picture(report, make_exemplar):
+    module = report()
+    image = make_exemplar(3, 74, 80)
+    ts.write_image(image, "wide.png")
+    assert torch.equal(module.middle_of(Path("wide.png")), image[:, 1:73, 4:76])
+
+
+WRONG = [
+    (
+        "benchmark",
+        ["--case", json.dumps(CASE | {"exemplar": "small.png"})],
+        "must fit inside level 1, but that level is only 8x8",
+    ),
+    ("benchmark", ["--sizes", "12"], "must be HxW"),
+    ("benchmark", ["--sizes", "0x8"], "must be at least 1 pixel"),
+    ("benchmark", ["--exemplars", "none.png"], "none.png"),
+    ("benchmark", ["--recipes", "none"], "none"),
+    ("benchmark", ["--repeats", "0"], "must be at least 1, but it is 0"),
+    ("benchmark", ["--out", "none/found.json"], "a folder that does not exist, none"),
+    ("gallery", [], "--out"),
+    ("gallery", ["--out", "taken"], "taken"),
+    ("gallery", ["--out", "made", "--only", "none"], "invalid choice: 'none'"),
+    ("make_samples", [], "folder"),
+    ("tsvq_figures", ["--out", "taken"], "taken"),
+    ("tsvq_report", ["--size", "12x"], "must be HxW"),
+    ("tsvq_report", ["--size", "1x1"], "all its neighbors before it, but at 1x1 there is none"),
+    ("tsvq_report", ["--exemplar", "none.png"], "none.png"),
+    ("tsvq_report", ["--exemplar", "taken"], "taken"),
+    ("tsvq_report", ["--large", "none.png"], "none.png"),
+    ("tsvq_report", ["--large", "small.png"], "at least 512x512 pixels, but it has 16x16"),
+    ("tsvq_report", ["--depths", "31"], "must be from 1 to 30, but it is 31"),
+    ("tsvq_report", ["--beams", "two"], "must be a whole number from 1 to 64, but it is 'two'"),
+    ("tsvq_report", ["--out", "."], "but . is a folder"),
+]
+
+
+@pytest.mark.parametrize(("name", "given", "said"), WRONG)
+def test_a_wrong_argument_is_one_clear_line(script, picture, capsys, name, given, said):
+    Path("taken").write_text("no folder, and no picture")
+    picture(16, "small.png")
+    module = script(name, *given)
+    with pytest.raises(SystemExit, match=r"^2$"):
+        module.main()
+    out, err = capsys.readouterr()
+    # What argparse finds itself comes after a reminder of the usage.
+    usage, line = err.splitlines()[:-1], err.splitlines()[-1]
+    assert line.startswith(f"{name}.py: error: ")
+    assert said in line
+    assert out == ""
+    assert not usage or usage[0].startswith("usage: ")
