@@ -69,7 +69,7 @@ from torchsynth.neighborhood import (
     quantize,
     reads_of,
 )
-from torchsynth.schedule import schedule
+from torchsynth.schedule import Scanline, schedule
 from torchsynth.search import Query
 
 Searcher: TypeAlias = ts.Exhaustive | ts.TSVQ
@@ -169,8 +169,9 @@ def level_of(result: ts.Result, level: int, count: int, *, anywhere: bool = Fals
     offsets = torch.cat([one.template.offsets() for one in layers if one.plane == "result"])
     vertical, horizontal = offsets.abs().amax(0).tolist()
     shape, boundary = output[level].shape, recipe.boundary
-    rank = sweep.order.rank(shape, (vertical, horizontal), boundary).flatten()
-    waves = schedule(sweep.order, shape, (vertical, horizontal), boundary).sizes
+    order = Scanline()
+    rank = order.rank(shape, (vertical, horizontal), boundary).flatten()
+    waves = schedule(order, shape, (vertical, horizontal), boundary).sizes
     sites = torch.arange(len(rank)) if anywhere else _already_there(layers, output[level], rank)
     sites = sites[torch.randperm(len(sites), generator=torch.Generator().manual_seed(0))[:count]]
     cells = to_cells(sites, shape[1])
@@ -205,7 +206,7 @@ def answered(search: Searcher, state: Any, level: Level, repeats: int = REPEATS)
     seconds: list[float] = []
     while len(seconds) < repeats and sum(seconds) < LONG:
         started = time.perf_counter()
-        costs = [Best().choose(search.search(state, Query(wave)).cost).cost for wave in waves]
+        costs = [Best().choose(search.search(state, Query(wave)).cost, None).cost for wave in waves]
         seconds.append(time.perf_counter() - started)
     plain = level.queries[..., :-1].double()
     lengths = (plain.square() * level.index.weights).sum(2)

@@ -74,7 +74,7 @@ def test_equals_the_literal_loop(
     controls = controls_of(make_exemplar, size, follows, distorts)
     exemplar = make_exemplar(2, 14, 13, seed=1)
     batched = ts.synthesize(exemplar, size, recipe, controls=controls, seed=[3, 4])
-    monkeypatch.setattr("torchsynth.sweep.schedule", literal_schedule)
+    monkeypatch.setattr("torchsynth.course.schedule", literal_schedule)
     literal = ts.synthesize(exemplar, size, recipe, controls=controls, seed=[3, 4])
     assert batched.source.equal(literal.source)
     assert batched.cost.equal(literal.cost)
@@ -84,7 +84,7 @@ def test_equals_the_literal_loop(
 def test_tileable_sweeps_equal_the_literal_loop(make_exemplar, monkeypatch):
     exemplar, recipe = make_exemplar(1, 20, 19), ts.recipes.ashikhmin()
     batched = ts.synthesize(exemplar, (17, 23), recipe, seed=1)
-    monkeypatch.setattr("torchsynth.sweep.schedule", literal_schedule)
+    monkeypatch.setattr("torchsynth.course.schedule", literal_schedule)
     assert ts.synthesize(exemplar, (17, 23), recipe, seed=1).source.equal(batched.source)
 
 
@@ -96,7 +96,7 @@ def test_a_literal_loop_with_another_reach_differs(make_exemplar, monkeypatch):
     def forgetful(_order, shape, reach, *rest):
         return literal_schedule(ts.Simultaneous(), shape, reach, *rest)
 
-    monkeypatch.setattr("torchsynth.sweep.schedule", forgetful)
+    monkeypatch.setattr("torchsynth.course.schedule", forgetful)
     assert not ts.synthesize(exemplar, (17, 23), recipe, seed=1).source.equal(right.source)
 
 

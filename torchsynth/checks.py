@@ -121,9 +121,10 @@ def check_hole(hole: object, picture: Tensor | None, subject: str = "hole") -> N
         raise InputError(
             subject, "must come with the picture it is in", "there is none", "pass 'initial', too"
         )
+    if isinstance(hole, Tensor) and hole.dtype == torch.bool and not bool(hole.any()):
+        raise InputError(subject, "must mark something", "it marks nothing", "mark what is to be filled")
     check_region(hole, (picture.shape[-2], picture.shape[-1]), subject)
-    assert isinstance(hole, Tensor)  # noqa: S101 (just checked)
-    if bool(hole.all()):
+    if isinstance(hole, Tensor) and bool(hole.all()):
         raise InputError(
             subject, "must leave something of the picture", "it covers all of it",
             "mark less, or synthesize a new picture from another one",

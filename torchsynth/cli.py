@@ -1,21 +1,37 @@
-"""The command line: ``torchsynth synthesize``, ``train``, ``recipes``, ``show``, ``schema``, ``samples``, ``rerun``."""
+"""The command line: synthesize, train, rerun, recipes, samples, show, schema; others are added to it."""
 
 from __future__ import annotations
 
 import json
 import logging
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from torchsynth import config, jobs, records
-from torchsynth.errors import ConfigError, InputError, TorchsynthError
-from torchsynth.progress import progress_bar, training_bar
+from torchsynth import cli_completion, config, jobs, records
+from torchsynth.errors import InputError, TorchsynthError
+from torchsynth.options import (
+    Changes,
+    Config,
+    Count,
+    Figure,
+    LevelsDir,
+    Output,
+    Overwrite,
+    Seed,
+    SourceMapFile,
+    Valid,
+    cancellable,
+    chosen,
+    fail,
+    figures,
+    run,
+    seeds_from,
+)
+from torchsynth.progress import training_bar
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES, with_target
 from torchsynth.samples import PREFIX, SAMPLES
@@ -27,23 +43,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-_MOST = 10_000
-
-Overwrite = Annotated[bool, typer.Option(help="Replace files that are there already.")]
-Config = Annotated[Path | None, typer.Option("--config", help="A recipe from a YAML file.")]
-Changes = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="PATH=VALUE",
-        help="Change one value of the recipe, e.g. levels=3 or sweeps[0].layers[0].template.size=7.",
-    ),
-]
-Valid = Annotated[str | None, typer.Option(metavar="FILE", help="Sample only where this picture is white.")]
-Output = Annotated[
-    Path, typer.Option("-o", "--output", help="The picture to write: .png, .tif, .bmp, .webp or .jpg.")
-]
 
 
 @app.command()
@@ -68,8 +67,8 @@ def synthesize(
             show_default=False,
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Which texture of the many possible ones.")] = 0,
-    count: Annotated[int, typer.Option(help="How many outputs; their seeds are SEED, SEED + 1, ...")] = 1,
+    seed: Seed = 0,
+    count: Count = 1,
     valid: Valid = None,
     initial: Annotated[
         str | None, typer.Option(metavar="FILE", help="Start from this picture instead of noise.")
@@ -107,25 +106,15 @@ def synthesize(
     blur_seams: Annotated[
         int | None, typer.Option(metavar="PIXELS", help="Blur along the boundaries of patches, e.g. 3.")
     ] = None,
-    figure: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KIND=FILE",
-            help="Also draw: patches (their boundaries), sources (where pixels come from), field.",
-        ),
-    ] = None,
+    figure: Figure = None,
     codebook: Annotated[
         str | None,
         typer.Option(
             metavar="FILE", help="Use what 'torchsynth train' trained. [default recipe: wei_levoy_tsvq]"
         ),
     ] = None,
-    levels_dir: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Also write every pyramid level here.")
-    ] = None,
-    source_map: Annotated[
-        Path | None, typer.Option(metavar="FILE.npz", help="Also write where each pixel was copied from.")
-    ] = None,
+    levels_dir: LevelsDir = None,
+    source_map: SourceMapFile = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Make new texture that looks like the exemplar.
@@ -133,22 +122,18 @@ def synthesize(
     Beside OUT.png a record OUT.json is written; 'torchsynth rerun OUT.json' makes the same bytes again.
     With --count N the files are OUT-0.png to OUT-(N-1).png.
     """
-    if not 1 <= count <= _MOST:
-        raise InputError(
-            "--count", f"must be from 1 to {_MOST}", f"it is {count}", "choose a number between them"
-        )
     usual = "wei_levoy" if target is None else "ashikhmin_target"
     if codebook is not None and target is not None:
         raise InputError(
             "--codebook", "serves the recipe it was trained for", "--target adds another layer to it",
             "write a recipe that follows a target in YAML, train it with --config, and use it with --config",
         )  # fmt: skip
-    chosen = _chosen(recipe, config_file, changes, usual if codebook is None else "wei_levoy_tsvq")
+    picked = chosen(recipe, config_file, changes, usual if codebook is None else "wei_levoy_tsvq")
     job = records.Job(
         exemplar=exemplar,
-        recipe=_adapted(chosen, target is not None, passes, blur_seams),
+        recipe=_adapted(picked, target is not None, passes, blur_seams),
         size=None if size is None else jobs.parse_size(size),
-        seeds=tuple(range(seed, seed + count)),
+        seeds=seeds_from(seed, count),
         valid=valid,
         initial=initial,
         target=target,
@@ -157,8 +142,11 @@ def synthesize(
         scale=scale,
         codebook=codebook,
     )
-    files = jobs.Files(output, levels_dir, source_map, overwrite, _figures(figure or ()))
-    _run(job, files)
+    files = jobs.Files(output, levels_dir, source_map, overwrite, figures(figure or ()))
+    run(job, files)
+
+
+cli_completion.register(app)
 
 
 @app.command()
@@ -171,7 +159,7 @@ def rerun(
     job = records.load_record(record)
     for change in records.changed_versions(record):
         typer.echo(f"note: the record was made with {change}; the bytes may differ", err=True)
-    _run(job, jobs.Files(output, None, None, overwrite))
+    run(job, jobs.Files(output, None, None, overwrite))
 
 
 @app.command()
@@ -192,9 +180,9 @@ def train(
     overwrite: Overwrite = False,
 ) -> None:
     """Train the trees for an exemplar once, for 'torchsynth synthesize --codebook'."""
-    chosen = _chosen(recipe, config_file, changes, "wei_levoy_tsvq")
-    job = records.Job(exemplar, chosen, None, (), valid=valid)
-    with _cancellable(), training_bar() as progress:
+    picked = chosen(recipe, config_file, changes, "wei_levoy_tsvq")
+    job = records.Job(exemplar, picked, None, (), valid=valid)
+    with cancellable(), training_bar() as progress:
         written = jobs.run_training(job, output, overwrite=overwrite, progress=progress)
     typer.echo(written)
 
@@ -253,7 +241,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         app(arguments, prog_name="torchsynth")
     except TorchsynthError as error:
-        return _fail(str(error))
+        return fail(str(error))
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else 0
     return 0
@@ -262,19 +250,6 @@ def main(arguments: list[str] | None = None) -> int:
 def entry_point() -> None:
     """What the ``torchsynth`` script calls."""
     sys.exit(main())
-
-
-def _fail(message: str) -> int:
-    line = " ".join(message.splitlines())  # a file name may hold a line break
-    typer.secho(f"error: {line}", err=True, fg="red" if sys.stderr.isatty() else None)
-    return 2
-
-
-def _chosen(recipe: str | None, file: Path | None, changes: list[str] | None, usual: str) -> Recipe:
-    """The recipe that was asked for, or the usual one, with the changes that were asked for."""
-    if recipe is not None and file is not None:
-        raise ConfigError("--recipe and --config", "only one of them can be given", "both are", "drop one")
-    return config.load_recipe(file or recipe or usual, changes or ())
 
 
 def _adapted(recipe: Recipe, has_target: bool, passes: int | None, blur_seams: int | None) -> Recipe:
@@ -290,36 +265,6 @@ def _adapted(recipe: Recipe, has_target: bool, passes: int | None, blur_seams: i
             recipe.model_dump(mode="json", exclude_none=True) | {"blur_seams": blur_seams}, "--blur-seams"
         )
     return recipe
-
-
-def _figures(wanted: Sequence[str]) -> dict[str, Path]:
-    """Which drawings go where."""
-    figures: dict[str, Path] = {}
-    for text in wanted:
-        kind, equals, path = text.partition("=")
-        if not equals or not path or kind in figures:
-            fact = f"{kind} is there twice" if kind in figures else f"it is {text!r}"
-            raise InputError(
-                "--figure", "must be KIND=FILE, each kind once", fact, "write e.g. patches=seams.png"
-            )
-        figures[kind] = Path(path)
-    return figures
-
-
-def _run(job: records.Job, files: jobs.Files) -> None:
-    with _cancellable(), progress_bar() as progress:
-        written = jobs.run(job, files, progress)
-    for path in written:
-        typer.echo(path)
-
-
-@contextmanager
-def _cancellable() -> Iterator[None]:
-    """Ctrl-C ends the work with one line and exit code 2."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise typer.Exit(_fail("cancelled: no unfinished file was left behind")) from None
 
 
 def _list(rows: dict[str, str]) -> None:

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
+from pydantic import ValidationError
 from torch import Tensor
 
 from torchsynth import checks
 from torchsynth.controls import Controls
-from torchsynth.errors import InputError
+from torchsynth.errors import ConfigError, InputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.feasibility import check_candidates, check_growing
 from torchsynth.lattice import Boundary, Shape
@@ -58,7 +59,7 @@ class Plan:
         """The recipe with this boundary; None means the usual one, with as many levels as there can be."""
         if recipe is not None:
             checks.check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.efros_leung()")
-            return recipe.changed(boundary=self.boundary)
+            return self._bounded(recipe)
         most = coherent_fill().levels
         for levels in range(most, 1, -1):
             usual = coherent_fill(levels=levels).changed(boundary=self.boundary)
@@ -68,6 +69,16 @@ class Plan:
                 continue  # too coarse for this picture
             return usual
         return coherent_fill(levels=1).changed(boundary=self.boundary)
+
+    def _bounded(self, recipe: Recipe) -> Recipe:
+        try:
+            return recipe.changed(boundary=self.boundary)
+        except ValidationError as error:
+            fact = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise ConfigError(
+                recipe.name, f"must work with the boundary {self.boundary!r} to complete this picture", fact,
+                "choose another recipe",
+            ) from None  # fmt: skip
 
     def check(self, recipe: Recipe) -> None:
         """Whether a recipe fits the picture.

@@ -7,7 +7,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -81,29 +81,29 @@ def run(
     """
     inputs, codebook = _read_inputs(job)
     order = Order.of(job, inputs)
-    job = replace(job, recipe=order.recipe, size=order.size)
+    recipe = order.recipe
     _note_grays(inputs, note)
     checks.check_seeds(job.seeds, None)
     check_storable(files.output, len(order.picture.image), order.size)
-    targets = [_targets(files, number, job.recipe.levels) for number in _numbers(job)]
+    targets = [_targets(files, number, recipe.levels) for number in _numbers(job)]
     for path in files.figures.values():
         check_storable(path, 3, order.size)
     _check_targets(job, files, [path for one in targets for path in one.all])
-    copied = job.recipe.has_sources and job.recipe.blur_seams is None
+    copied = recipe.has_sources and recipe.blur_seams is None
     # Means of black and white are gray.
     depth: Depth = "8-bit" if order.picture.depth == "1-bit" and not copied else order.picture.depth
     for kind in files.figures:
         check_drawable(kind, order.controls)
         if kind != "field":
-            check_sources(job.recipe, kind)
+            check_sources(recipe, kind)
     if files.source_map is not None:
-        check_sources(job.recipe, "--source-map")
+        check_sources(recipe, "--source-map")
     sample = order.exemplar
-    batch = outputs_that_fit(job.recipe, sample.samples, order.size, min(_BATCH, len(job.seeds)))
+    batch = outputs_that_fit(recipe, sample.samples, order.size, min(_BATCH, len(job.seeds)))
     for start in range(0, len(job.seeds), batch):
         seeds = job.seeds[start : start + batch]
         result = synthesize(
-            sample, order.size, job.recipe, controls=order.controls, seed=seeds, codebook=codebook,
+            sample, order.size, recipe, controls=order.controls, seed=seeds, codebook=codebook,
             progress=progress,
         )  # fmt: skip
         finished = order.finished(result.image)
@@ -114,7 +114,7 @@ def run(
                 for kind, path in target.figures.items():
                     drawing = draw(kind, result, order.controls)[item]
                     put(path, encode_image(drawing, path, "8-bit"))
-                record = record_of(job, _digests(inputs, codebook), order.size, seeds[item])
+                record = record_of(job, recipe, _digests(inputs, codebook), order.size, seeds[item])
                 put(target.record, json.dumps(record, indent=2).encode())
     return [target.picture for target in targets]
 
@@ -135,6 +135,7 @@ def run_training(
     _check_distinct(paths_of(job).values(), [output])
     check_savable(output, overwrite=overwrite)
     valid = white(inputs["valid"]) if "valid" in inputs else None
+    assert job.recipe is not None, "only completions have a usual recipe"  # noqa: S101 (for the type checker)
     codebook = train(Exemplar(inputs["exemplar"].image, valid), job.recipe, progress=progress)
     return codebook.save(output, overwrite=overwrite)
 
@@ -156,6 +157,21 @@ def parse_size(text: str) -> Shape:
             "write e.g. 256x256",
         )  # fmt: skip
     return int(match[1]), int(match[2])
+
+
+def size_larger_by(image: str, pixels: int) -> Shape:
+    """The size of a picture file, with so many pixels more on each side.
+
+    Raises:
+        InputError: If the file cannot be read, or there are no more pixels.
+
+    Example:
+        >>> size_larger_by("sample:brick", 8)
+        (144, 144)
+    """
+    checks.check_positive(pixels, "by")
+    height, width = read_picture(image).image.shape[1:]
+    return height + 2 * pixels, width + 2 * pixels
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ class Order:
             exemplar = Exemplar(inputs["exemplar"].image, valid)
             size = checks.check_size(job.size or _usual_size(inputs))
             controls = controls_from(inputs, words_of(job), len(exemplar.image), size)
+            assert job.recipe is not None, "only completions have a usual recipe"  # noqa: S101 (for the type checker)
             return cls(exemplar, size, controls, job.recipe, inputs["exemplar"])
         picture = inputs.get("image", inputs["exemplar"])
         image, hole = _image_and_hole(picture, inputs.get("hole"), job.completion.hole)

@@ -44,13 +44,16 @@ class Completion(BaseModel):
     width: int | None = None
 
 
+_FROM_SCRATCH = Completion()
+
+
 @dataclass(frozen=True)
 class Job:
     """What to make.
 
     Args:
         exemplar: Path of the sample, or ``sample:NAME``. A picture that is completed from itself is its own.
-        recipe: The algorithm.
+        recipe: The algorithm; None means the usual one, where a picture is completed.
         size: Height and width; None means the target's, or twice the exemplar's.
         seeds: One for each output.
         valid: Path of a picture that is white where the exemplar may be sampled.
@@ -67,7 +70,7 @@ class Job:
     """
 
     exemplar: str
-    recipe: Recipe
+    recipe: Recipe | None
     size: Shape | None
     seeds: tuple[int, ...]
     valid: str | None = None
@@ -77,7 +80,7 @@ class Job:
     angle: str | None = None
     scale: str | None = None
     codebook: str | None = None
-    completion: Completion = Completion()
+    completion: Completion = _FROM_SCRATCH
     image: str | None = None
     hole: str | None = None
     sha256: dict[str, str] | None = None
@@ -136,21 +139,22 @@ def changed_versions(path: Path) -> list[str]:
     ]
 
 
-def record_of(job: Job, digests: dict[str, str], size: Shape, seed: int) -> dict[str, Any]:
+def record_of(job: Job, recipe: Recipe, digests: dict[str, str], size: Shape, seed: int) -> dict[str, Any]:
     """What is written beside a picture, for :func:`load_record` to read.
 
     Args:
         job: What was asked for.
+        recipe: What it was made with.
         digests: SHA-256 of each input file, by what it is for.
         size: Of the output.
         seed: Of this output.
     """
     completion = job.completion.model_dump(mode="json", exclude_none=True)
     return {
-        "recipe": job.recipe.model_dump(mode="json", exclude_none=True),
+        "recipe": recipe.model_dump(mode="json", exclude_none=True),
         "size": list(size),
         "seed": seed,
-        **({} if job.completion == Completion() else {"completion": completion}),
+        **({} if job.completion == _FROM_SCRATCH else {"completion": completion}),
         **({"fields": words_of(job)} if words_of(job) else {}),
         "inputs": {name: {"path": path, "sha256": digests[name]} for name, path in paths_of(job).items()},
         "versions": versions(),
@@ -188,7 +192,7 @@ class _Record(BaseModel):
         ],
         _Input,
     ]  # fmt: skip
-    completion: Completion = Completion()
+    completion: Completion = _FROM_SCRATCH
     fields: dict[Literal["angle", "scale"], str] = {}
 
     @model_validator(mode="after")
