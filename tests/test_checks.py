@@ -142,7 +142,9 @@ def test_an_exemplar_that_is_too_small_is_told(make_exemplar, side, recipe, mess
 def test_a_region_that_is_too_small_is_told(make_exemplar):
     valid = torch.zeros(16, 16, dtype=torch.bool)
     valid[3:6, 3:6] = True
-    with pytest.raises(ts.InputError, match=r"^valid: must hold at least one whole neighborhood at level 0"):
+    with pytest.raises(
+        ts.InputError, match=r"^what may be sampled: must hold at least one whole neighborhood at level 0"
+    ):
         ts.synthesize(ts.Exemplar(make_exemplar(), valid), (8, 8), wei_levoy_single(neighborhood=5))
 
 

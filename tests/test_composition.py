@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import pytest
 import torch
@@ -219,3 +220,50 @@ def test_rows_that_nobody_visits_are_noticed(make_exemplar):
     recipe = ts.Recipe(levels=1, initial=ts.RandomSource(), sweeps=(sweep,))
     with pytest.raises(ts.InputError, match="must visit every row of level 0, but no sweep visits row 8"):
         ts.synthesize(make_exemplar(1), (10, 10), recipe)
+
+
+def literal_layer(rank, _reach, _boundary):
+    """A layer's pixels one after the other."""
+    ranks, batch = rank.unique(return_inverse=True)
+    assert len(ranks) - bool((rank == 0).any()) == int((rank > 0).sum())
+    return Schedule.of(batch, rank > 0)
+
+
+ONION = list(
+    itertools.product(SEARCHES, ("best", "tolerant", "strict"), (1, 2), (False, True), ("torus", "open"))
+)
+ACCEPT = {
+    "best": ts.Best(),
+    "tolerant": ts.WithinTolerance(epsilon=0.5, max_error=None),
+    "strict": ts.WithinTolerance(epsilon=0.5, max_error=0.02, growth=2.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("search", "accept", "levels", "follows", "boundary"),
+    ONION,
+    ids=["-".join(map(str, one)) for one in ONION],
+)
+def test_an_onion_equals_the_literal_loop(
+    make_exemplar, monkeypatch, search, accept, levels, follows, boundary
+):
+    size = (10, 9)
+    recipe = recipe_of(search, "shuffle", levels, False, boundary, "skip")
+    peeled = recipe.sweeps[0].model_copy(update={"order": ts.OnionPeel(seed=1), "accept": ACCEPT[accept]})
+    recipe = recipe.changed(sweeps=(peeled, peeled.model_copy(update={"unknown": "read"})))
+    if follows:
+        recipe = ts.recipes.with_target(recipe)
+    hole = torch.zeros(size, dtype=torch.bool)
+    hole[2:5, 3:7] = True
+    hole[8, 1] = True
+    picture, exemplar = make_exemplar(2, *size, seed=5), make_exemplar(2, 14, 13, seed=1)
+    controls = replace(controls_of(make_exemplar, size, follows, distorts=False), initial=picture, hole=hole)
+    batched = ts.synthesize(exemplar, size, recipe, controls=controls, seed=[3, 4])
+    assert batched.image[:, :, ~hole].equal(picture[:, ~hole].expand(2, -1, -1))
+    monkeypatch.setattr("torchsynth.course.schedule_layer", literal_layer)
+    literal = ts.synthesize(exemplar, size, recipe, controls=controls, seed=[3, 4])
+    assert batched.source.equal(literal.source)
+    assert batched.cost.equal(literal.cost)
+    for item, seed in enumerate((3, 4)):
+        alone = ts.synthesize(exemplar, size, recipe, controls=controls, seed=seed)
+        assert alone.source[0].equal(batched.source[item])

@@ -164,7 +164,7 @@ def test_coherent_filling_equals_the_literal_one(make_exemplar, channels, size, 
     picture = make_exemplar(channels, *size, seed=4, dtype=torch.float64)
     hole = _hole(size, seed=1, share=0.2)
     hole[0] = False
-    recipe = ts.recipes.coherent_fill(neighborhood=n, passes=passes, boundary=boundary)
+    recipe = ts.recipes.coherent_fill(levels=1, neighborhood=n, passes=passes, boundary=boundary)
     exemplar = make_exemplar(channels, 12, 12, seed=6, dtype=torch.float64)
     top, left = 1, 1
     shown = exemplar.clone()
@@ -172,7 +172,7 @@ def test_coherent_filling_equals_the_literal_one(make_exemplar, channels, size, 
     controls = ts.Controls(initial=picture, hole=hole, exemplar_at=(-top, -left))
     result = ts.synthesize(shown, size, recipe, controls=controls, seed=7)
     generator = torch.Generator().manual_seed(7)
-    torch.rand(size[0] * size[1], generator=generator, dtype=torch.float64)
+    torch.rand(channels, *size, generator=generator, dtype=torch.float64)
     draws = [torch.randint(2**62, (1, size[0] * size[1]), generator=generator) for _ in range(passes)]
 
     def spare_(number, row, column, k, count):

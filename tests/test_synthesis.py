@@ -152,7 +152,7 @@ def test_unusable_input_says_what_to_change(arguments, message):
 def test_a_valid_region_without_a_whole_neighborhood_is_refused():
     valid = torch.zeros(20, 20, dtype=torch.bool)
     valid[::3] = True
-    with pytest.raises(ts.InputError, match="valid: must hold at least one whole neighborhood"):
+    with pytest.raises(ts.InputError, match="what may be sampled: must hold at least one whole neighborhood"):
         ts.synthesize(ts.Exemplar(torch.rand(1, 20, 20), valid), (8, 8), SMALL)
 
 

@@ -13,19 +13,19 @@ from torchsynth import drawing as drawing
 from torchsynth import field as field
 from torchsynth import metrics as metrics
 from torchsynth import recipes as recipes
-from torchsynth.accept import Best
+from torchsynth.accept import Best, WithinTolerance
 from torchsynth.codebook import Codebook
 from torchsynth.completion import extend, fill, tile
 from torchsynth.config import dump_recipe, load_recipe
 from torchsynth.controls import Controls
 from torchsynth.errors import ConfigError, InputError, OutputError, TorchsynthError
 from torchsynth.exemplar import Exemplar
-from torchsynth.initial import Noise, RandomSource
+from torchsynth.initial import Noise, RandomSource, SeedPatch
 from torchsynth.io import read_image, write_image
 from torchsynth.neighborhood import Layer
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result
-from torchsynth.schedule import Scanline, Shuffle, Simultaneous
+from torchsynth.schedule import OnionPeel, Scanline, Shuffle, Simultaneous
 from torchsynth.search import TSVQ, Coherence, Exhaustive
 from torchsynth.sweep import Sweep
 from torchsynth.synthesis import synthesize
@@ -47,16 +47,19 @@ __all__ = [
     "Layer",
     "Level",
     "Noise",
+    "OnionPeel",
     "OutputError",
     "RandomSource",
     "Recipe",
     "Result",
     "Scanline",
+    "SeedPatch",
     "Shuffle",
     "Simultaneous",
     "Square",
     "Sweep",
     "TorchsynthError",
+    "WithinTolerance",
     "drawing",
     "dump_recipe",
     "extend",

@@ -72,7 +72,7 @@ class Best(Part):
         """Whether a query may end up with no candidate at all."""
         return False
 
-    def choose(self, cost: Float[Tensor, "batch sites *places"], evidence: Evidence | None) -> Choice:  # noqa: ARG002
+    def choose(self, cost: Float[Tensor, "batch sites *places"], evidence: Evidence | None = None) -> Choice:  # noqa: ARG002
         """Choose one candidate for each query."""
         return first_minimum(cost)
 
@@ -115,7 +115,7 @@ class WithinTolerance(Part):
         """Whether a query may end up with no candidate at all."""
         return self.max_error is not None
 
-    def choose(self, cost: Float[Tensor, "batch sites *places"], evidence: Evidence | None) -> Choice:
+    def choose(self, cost: Float[Tensor, "batch sites *places"], evidence: Evidence | None = None) -> Choice:
         """Choose one candidate for each query."""
         assert evidence is not None, "the sweep gives what an acceptance weighs"  # noqa: S101 (for the type checker)
         blocks = cost.unsqueeze(2) if cost.ndim == 3 else cost

@@ -94,3 +94,12 @@ class Controls:
             for number in range(outputs)
         ]
         return [replace(self, **some) for some in pictures]
+
+    def channel(self, number: int) -> Controls:
+        """The same for one channel of the output."""
+        pictures = {
+            name: picture[..., number : number + 1, :, :]
+            for name in ("initial", "target")
+            if (picture := getattr(self, name)) is not None
+        }
+        return replace(self, **pictures)

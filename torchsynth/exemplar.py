@@ -57,6 +57,10 @@ class Exemplar:
         """Each sample by itself."""
         return [Exemplar(one, self.valid) for one in self.samples]
 
+    def channel(self, number: int) -> Exemplar:
+        """One of its channels as a gray picture."""
+        return Exemplar(self.image[..., number : number + 1, :, :], self.valid)
+
     def images(self, levels: int) -> tuple[Image, ...]:
         """The Gaussian pyramid of the image, the finest first.
 

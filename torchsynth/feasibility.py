@@ -234,8 +234,8 @@ def _no_candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int)
     open_planes = [replace(plane, valid=None) for plane in planes]
     if bool(candidates(layers, open_planes, level).any()):
         return InputError(
-            "valid", f"must hold at least one whole neighborhood at level {level}",
-            "none lies inside it", "mark a larger region, or use fewer levels or a smaller neighborhood",
+            "what may be sampled", f"must hold at least one whole neighborhood at level {level}",
+            "none lies inside it", "mark a larger region (or a smaller hole), or use fewer levels or a smaller neighborhood",
         )  # fmt: skip
     templates = " + ".join(f"{layer.template.size}x{layer.template.size} {layer.plane}" for layer in layers)
     fewer = f"levels <= {level}, " if level else ""

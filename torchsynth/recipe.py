@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -28,6 +28,9 @@ class Recipe(Part):
         sweeps: The passes over each level, in order.
         blur_seams: Blur the finished picture along the boundaries of its patches, with a binomial kernel
             of so many pixels. Its pixels there are then no copies. Source: Ashikhmin 2001, section 5.
+        channels: ``joint`` compares and copies all channels of a pixel together; ``separate`` synthesizes
+            each by itself, as if it were a gray picture, so that an output pixel may show colors that the
+            exemplar has nowhere, and has no source. Source: the GrowImage notes on Efros & Leung 1999.
 
     Example:
         >>> from torchsynth import recipes
@@ -42,6 +45,7 @@ class Recipe(Part):
     initial: Initial = Noise()
     sweeps: Annotated[tuple[Sweep, ...], Field(min_length=1, strict=False)]
     blur_seams: Annotated[Side, Field(ge=3, le=15)] | None = None
+    channels: Literal["joint", "separate"] = "joint"
 
     @model_validator(mode="after")
     def _every_level_is_swept(self) -> Recipe:
@@ -94,7 +98,9 @@ class Recipe(Part):
 
     @model_validator(mode="after")
     def _sources_are_there(self) -> Recipe:
-        if self.has_sources:
+        if all(sweep.search.has_sources for sweep in self.sweeps):
+            if self.blur_seams is not None and self.channels == "separate":
+                raise ValueError("seams are those of all channels together, but they are separate")
             return self
         if self.blur_seams is not None:
             raise ValueError("seams lie between copied patches, but a sweep's leaves propose centroids")
@@ -120,7 +126,7 @@ class Recipe(Part):
     @property
     def has_sources(self) -> bool:
         """Whether every pixel of the output is a copy of an exemplar pixel."""
-        return all(sweep.search.has_sources for sweep in self.sweeps)
+        return self.channels == "joint" and all(sweep.search.has_sources for sweep in self.sweeps)
 
     @property
     def refuses(self) -> bool:

@@ -40,8 +40,8 @@ class Level:
 class Result:
     """A finished synthesis. For every pixel ``image == exemplar[source]``, exactly.
 
-    There are two exceptions: the image of a recipe that blurs its seams, and pixels that show a centroid
-    of TSVQ (``leaf: centroid``), which have no source.
+    There are exceptions: the image of a recipe that blurs its seams; and pixels that have no source (-1), as
+    they show a centroid of TSVQ (``leaf: centroid``), were given around a hole, or are made channel by channel.
 
     Args:
         levels: All pyramid levels, the finest first.
@@ -79,6 +79,19 @@ class Result:
         ]
         seeds = tuple(seed for result in results for seed in result.seeds)
         return cls(tuple(levels), results[0].recipe, seeds, results[0].distorted)
+
+    @classmethod
+    def of_channels(cls, results: Sequence[Result], recipe: Recipe) -> Result:
+        """Results for single channels as one for all of them, in their order; without sources."""
+        levels = []
+        for alike in zip(*(result.levels for result in results), strict=True):
+            exemplar, start, image = (
+                torch.cat([getattr(level, name) for level in alike], dim=1)
+                for name in ("exemplar", "start", "image")
+            )
+            cost = torch.stack([level.cost for level in alike]).mean(0)
+            levels.append(Level(exemplar, start, image, torch.full_like(alike[0].source, -1), cost))
+        return cls(tuple(levels), recipe, results[0].seeds, results[0].distorted)
 
     @property
     def image(self) -> Image:
@@ -160,6 +173,11 @@ def check_sources(recipe: Recipe, wish: str) -> None:
         >>> from torchsynth import recipes
         >>> check_sources(recipes.wei_levoy(), "transfer")
     """
+    if recipe.channels == "separate":
+        raise InputError(
+            wish, "needs a source map, and so a recipe that copies pixels",
+            f"the recipe {recipe.name!r} copies each channel from somewhere else", "use 'joint' channels",
+        )  # fmt: skip
     if not recipe.has_sources:
         raise InputError(
             wish, "needs a source map, and so a recipe that copies pixels",

@@ -100,6 +100,8 @@ def synthesize(
     _check_fields(controls, size)
     if recipe.blur_seams is not None:
         check_straight("blur_seams", controls.distorts)
+    if recipe.channels == "separate" and samples.shape[1] > 1:
+        return _channel_by_channel(exemplar, size, recipe, controls, seeds, codebook, progress)
     check_target(recipe, target is not None)
     check_memory(recipe, samples, size, len(seeds))
     check_rows(recipe, size)
@@ -142,6 +144,35 @@ def synthesize(
     if recipe.blur_seams is not None:
         levels[0] = _with_blurred_seams(levels[0], recipe.blur_seams, recipe.boundary, controls.hole)
     return Result(tuple(levels), recipe, tuple(seeds), controls.distorts)
+
+
+def _channel_by_channel(
+    exemplar: Exemplar,
+    size: Shape,
+    recipe: Recipe,
+    controls: Controls,
+    seeds: Sequence[int],
+    codebook: Codebook | None,
+    progress: Progress | None,
+) -> Result:
+    """Every channel as a picture of its own, with the same random numbers."""
+    number = exemplar.samples.shape[1]
+    results = []
+    for channel in range(number):
+
+        def told(
+            level: int, sweep: int, done: int, total: int, preview: Callable[[], Image], turn: int = channel
+        ) -> None:
+            if progress is not None:
+                progress(level, sweep, turn * total + done, number * total, preview)
+
+        results.append(
+            synthesize(
+                exemplar.channel(channel), size, recipe, controls=controls.channel(channel), seed=seeds,
+                codebook=codebook, progress=told,
+            )
+        )  # fmt: skip
+    return Result.of_channels(results, recipe)
 
 
 @contextmanager

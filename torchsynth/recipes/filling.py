@@ -6,7 +6,7 @@ from typing import Literal
 
 from torchsynth.accept import WithinTolerance
 from torchsynth.errors import ConfigError
-from torchsynth.initial import Noise, RandomSource, SeedPatch
+from torchsynth.initial import Noise, SeedPatch
 from torchsynth.lattice import Boundary
 from torchsynth.neighborhood import Layer
 from torchsynth.recipe import Recipe
@@ -29,6 +29,7 @@ def efros_leung(
     growth: float = 1.1,
     seed_size: int = 3,
     order_seed: int = 0,
+    channels: Literal["joint", "separate"] = "joint",
     boundary: Boundary = "open",
 ) -> Recipe:
     """Efros & Leung's non-parametric sampling: grown from a seed, or from what is known around a hole.
@@ -49,6 +50,7 @@ def efros_leung(
         growth: By what that is multiplied when a whole layer waits.
         seed_size: Side of the random patch of the exemplar to grow from, where no hole is filled.
         order_seed: In which order pixels with equally many known neighbors come.
+        channels: ``joint``, or ``separate`` to grow each channel by itself as in the notes.
         boundary: ``open``, or ``torus`` for outputs that tile.
 
     Raises:
@@ -76,6 +78,7 @@ def efros_leung(
         boundary=boundary,
         initial=SeedPatch(size=seed_size),
         sweeps=(grown,),
+        channels=channels,
     )
 
 
@@ -135,7 +138,8 @@ def wei_levoy_fill(
 def coherent_fill(
     *,
     levels: int = 3,
-    neighborhood: int = 5,
+    neighborhood: int = 7,
+    parent: int = 3,
     passes: int = 2,
     order_seed: int = 0,
     boundary: Boundary = "open",
@@ -143,12 +147,14 @@ def coherent_fill(
     """Fill a hole by continuing the patches around it: fast, whatever the size of picture and hole.
 
     Ashikhmin's candidates in the onion's order: each pixel continues one of its neighbors' patches, of
-    which those at the hole's edge are the surroundings themselves.
+    which those at the hole's edge are the surroundings themselves. The coarser level guides the finer
+    one, at half the weight of its own level, so that seams do not gather at the hole's edge.
 
     Args:
         levels: Pyramid levels, 1 or more. The picture must be known somewhere at each of them. Visible
             effect: more carry larger structures, such as rows of bricks, further into the hole.
         neighborhood: Side of the square neighborhood in pixels, odd, 3 or more.
+        parent: Side of the square on the next coarser level, odd.
         passes: How often each level is filled: once with what is known, then with all of it.
         order_seed: In which order pixels with equally many known neighbors come.
         boundary: ``open`` for pictures with borders, ``torus`` for pictures that tile.
@@ -167,22 +173,23 @@ def coherent_fill(
     if passes < 1:
         raise ConfigError("passes", "must be 1 or more", f"it is {passes}", "fill at least once")
     first = Sweep(
-        layers=(Layer(plane="result", template=Square(size=neighborhood, center=False)),),
+        layers=(
+            Layer(plane="result", template=Square(size=neighborhood, center=False), weight=2),
+            Layer(plane="coarse", template=Square(size=parent)),
+        ),
         search=Coherence(template=Square(size=neighborhood, center=False)),
         order=OnionPeel(seed=order_seed),
-        levels="coarsest",
         unknown="skip",
     )
-    # A pixel's own source competes too, once it has one: from the pass before, or from the coarser level.
+    # A pixel's own source competes too, once it has one.
     again = first.model_copy(
-        update={"search": Coherence(template=Square(size=neighborhood)), "unknown": "read", "levels": None}
+        update={"search": Coherence(template=Square(size=neighborhood)), "unknown": "read"}
     )
-    inherited = (again.model_copy(update={"levels": "finer"}),) if levels > 1 else ()
     return Recipe(
         name="coherent_fill",
         description="Holes filled by continuing the patches around them; fast",
         levels=levels,
         boundary=boundary,
-        initial=RandomSource(),
-        sweeps=(first, *inherited, *(again,) * (passes - 1)),
+        initial=Noise(),
+        sweeps=(first, *(again,) * (passes - 1)),
     )
