@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from torchsynth import checks
-from torchsynth._typing import Image, Region
+from torchsynth._typing import Region
 from torchsynth.completion import Plan, plan_extension, plan_filling, plan_tiling
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
@@ -65,7 +65,7 @@ class Order:
         alpha = None if len(image) == len(picture.image) else _opaque(picture.image[-1:], hole)
         return cls(plan.exemplar, plan.size, plan.controls, plan.fitting(job.recipe), picture, alpha)
 
-    def finished(self, image: Image) -> Image:
+    def finished(self, image: Tensor) -> Tensor:
         """The output's pictures, with the alpha channel that is theirs."""
         if self.alpha is None:
             return image
