@@ -36,8 +36,9 @@ from rich.table import Table
 
 import torchsynth as ts
 from torchsynth.feasibility import matching_dtype
+from torchsynth.index import candidates
 from torchsynth.lattice import Shape
-from torchsynth.neighborhood import Plane, candidates, layers_at, quantize
+from torchsynth.neighborhood import Plane, layers_at, quantize
 from torchsynth.pyramid import level_shapes
 
 QUERIES = 512

@@ -32,7 +32,7 @@ from matplotlib.figure import Figure
 from torch import Tensor
 
 import torchsynth as ts
-from torchsynth.neighborhood import Index
+from torchsynth.index import Index
 from torchsynth.search import TSVQState
 from torchsynth.search.tree import Tree
 
@@ -54,10 +54,7 @@ def clusters() -> Tensor:
 
 def grown(points: Tensor, depth: int) -> TSVQState:
     """The library's tree of these points."""
-    shape = (1, len(points))
-    index = Index(
-        points.unsqueeze(0), torch.arange(len(points)), torch.ones(2, dtype=torch.int64), shape, points[None]
-    )
+    index = Index.of_vectors(points.unsqueeze(0), torch.ones(2, dtype=torch.int64))
     return ts.TSVQ(depth=depth).fit(index, complete=True)
 
 

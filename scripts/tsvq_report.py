@@ -42,7 +42,7 @@ import json
 import platform
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -55,14 +55,13 @@ from torch import Tensor
 import torchsynth as ts
 from torchsynth.accept import Best
 from torchsynth.feasibility import matching_dtype
+from torchsynth.index import Index
 from torchsynth.lattice import Shape, to_cells
 from torchsynth.neighborhood import (
-    Index,
     Layer,
     Plane,
     feature_positions,
     gather,
-    gather_candidates,
     layer_weights,
     layers_at,
     output_plane,
@@ -165,7 +164,7 @@ def level_of(result: ts.Result, level: int, count: int, *, anywhere: bool = Fals
     output = [output_plane(one.image, dtype, recipe.boundary) for one in result.levels]
     sweep = recipe.sweeps_at(level)[0]
     layers = layers_at(sweep.layers, level, recipe.levels)
-    index = gather_candidates(layers, layer_weights(layers, sweep.normalize), exemplar, level)
+    index = Index.of(layers, layer_weights(layers, sweep.normalize), exemplar, level)
     offsets = torch.cat([one.template.offsets() for one in layers if one.plane == "result"])
     vertical, horizontal = offsets.abs().amax(0).tolist()
     shape, boundary = output[level].shape, recipe.boundary
@@ -221,7 +220,7 @@ def exhaustive_row(level: Level) -> tuple[Row, Answers]:
     state = search.fit(level.index, complete=True)
     prepared = time.perf_counter() - started
     best = answered(search, state, level)
-    number = level.index.features.shape[1]
+    number = len(level.index.sites)
     return Row("exhaustive", prepared, number, 1.0, 1.0, 0.0, best.us_per_query), best
 
 
@@ -231,7 +230,7 @@ def tree_rows(name: str, searches: Sequence[ts.TSVQ], level: Level, best: Answer
     state = searches[0].fit(level.index, complete=True)
     trained = time.perf_counter() - started
     leaves = int((state.tree.children < 0).sum())
-    share = leaves / level.index.features.shape[1]
+    share = leaves / len(level.index.sites)
     rows = []
     for search in searches:
         found = answered(search, state, level)
@@ -244,15 +243,14 @@ def tree_rows(name: str, searches: Sequence[ts.TSVQ], level: Level, best: Answer
 
 def codebook_row(share: float, level: Level, best: Answers) -> Row:
     """A codebook of a share of the vectors, and nothing else, searched by descent and exhaustively."""
-    number = level.index.features.shape[1]
+    number = len(level.index.sites)
     search = ts.TSVQ(depth=DEEPEST, codewords=max(2, round(share * number)), leaf="central")
     started = time.perf_counter()
     state = search.fit(level.index, complete=True)
     trained = time.perf_counter() - started
     found = answered(search, state, level)
     members = state.tree.members
-    features, sites = level.index.features[:, members], level.index.sites[members]
-    codebook = replace(level.index, features=features, sites=sites)
+    codebook = Index.of_vectors(level.index.at(members).unsqueeze(0), level.index.weights)
     whole = ts.Exhaustive().fit(codebook, complete=True)
     through = answered(ts.Exhaustive(), whole, level, repeats=1)
     recall = float((found.distance == best.distance).double().mean())
@@ -359,7 +357,7 @@ def report(options: argparse.Namespace, console: Console) -> dict[str, list[dict
     exemplar = ts.read_image(options.exemplar)
     large = None if options.large is None else middle_of(options.large)
     level, seconds = searched_level(exemplar, options.size, options.queries)
-    _, number, features = level.index.features.shape
+    number, features = len(level.index.sites), len(level.index.weights)
     console.print(
         f"{options.exemplar}, {_sides(options.size)}, finest level: {number} vectors of {features} features, "
         f"{level.queries.shape[1]} queries in waves of {level.wave}, {options.threads} thread(s)"

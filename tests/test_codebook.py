@@ -20,6 +20,7 @@ from torchsynth import feasibility
 from torchsynth.cli import main
 from torchsynth.codebook import PackedTree, trainings
 from torchsynth.progress import training_bar
+from torchsynth.search.base import Volume
 
 RECIPE = ts.recipes.wei_levoy_tsvq(levels=2, neighborhood=5, parent=3, depth=4)
 SMALL = ("--set", "levels=2", "--set", "sweeps[0].layers[0].template.size=5")
@@ -477,5 +478,7 @@ def test_a_terminal_sees_the_training(monkeypatch):
 
 def test_deep_trees_are_known_to_take_more_memory():
     shallow, deep = ts.TSVQ(depth=8), ts.TSVQ(depth=20)
-    assert deep.copies(complete=True) > shallow.copies(complete=True)
-    assert ts.TSVQ(depth=20, codewords=256).copies(complete=True) == shallow.copies(complete=True)
+    layer = ts.Layer(plane="result", template=ts.Causal(size=5))
+    volume = Volume(exemplars=1, pixels=100, channels=1, item=4, layers=(layer,), complete=True)
+    assert deep.memory(volume) > shallow.memory(volume)
+    assert ts.TSVQ(depth=20, codewords=256).memory(volume) == shallow.memory(volume)

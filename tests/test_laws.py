@@ -139,7 +139,7 @@ def test_memory_budget_does_not_matter(make_exemplar, recipe, monkeypatch):
     monkeypatch.setattr("torchsynth.sweep.GROUP", 5)
     monkeypatch.setattr("torchsynth.search.exhaustive._ONE_BLOCK", 16)
     monkeypatch.setattr("torchsynth.search.exhaustive._BLOCK", 7)
-    monkeypatch.setattr("torchsynth.neighborhood._CHUNK", 11)
+    monkeypatch.setattr("torchsynth.index.CHUNK", 3000)
     assert _same(free, ts.synthesize(exemplar, (12, 17), recipe, seed=[3, 4]))
 
 

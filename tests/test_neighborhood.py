@@ -8,14 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from torchsynth.index import Index, candidates
 from torchsynth.lattice import to_cells
 from torchsynth.neighborhood import (
     Layer,
     Plane,
-    candidates,
     feature_positions,
     gather,
-    gather_candidates,
     layer_weights,
     layers_at,
     quantize,
@@ -62,7 +61,7 @@ def test_impossible_parts_are_refused(make, message):
 def test_unfolding_equals_reading_pixel_by_pixel(template, height, width, channels):
     layer = Layer(plane="result", template=template)
     plane = _plane(channels, height, width)
-    index = gather_candidates((layer,), (1,), (plane,), 0)
+    index = Index.of((layer,), (1,), (plane,), 0)
     offsets = template.offsets().tolist()
     inside = [
         (row, column)
@@ -84,7 +83,7 @@ def test_both_sides_agree_where_the_output_is_the_exemplar():
         Layer(plane="coarse", template=Square(size=3), up=2),
     )
     planes = [_plane(2, 24, 28, seed=1), _plane(2, 12, 14, seed=2), _plane(2, 6, 7, seed=3)]
-    index = gather_candidates(layers, (1, 1, 1), planes, 0)
+    index = Index.of(layers, (1, 1, 1), planes, 0)
     cells = to_cells(index.sites, 28)
     for boundary in ("open", "torus"):
         output = [Plane(plane.values, plane.shape, boundary) for plane in planes]

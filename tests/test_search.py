@@ -7,8 +7,12 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from torchsynth.accept import Best, first_minimum
-from torchsynth.neighborhood import Index
+import torchsynth as ts
+from torchsynth.accept import Best, WithinTolerance, first_minimum
+from torchsynth.index import Index
+from torchsynth.initial import SeedPatch
+from torchsynth.neighborhood import Plane
+from torchsynth.schedule import OnionPeel
 from torchsynth.search import Exhaustive, Query
 
 
@@ -24,13 +28,8 @@ def _augmented(queries):
 @pytest.mark.parametrize("exemplars", [1, 3])
 def test_equals_cdist(candidates, exemplars):
     generator = torch.Generator().manual_seed(candidates)
-    index = Index(
-        _whole(generator, exemplars, candidates, 24),
-        torch.arange(candidates),
-        torch.ones(24, dtype=torch.int64),
-        (1, candidates),
-        torch.zeros(exemplars, candidates, 1),
-    )
+    vectors = _whole(generator, exemplars, candidates, 24)
+    index = Index.of_vectors(vectors, torch.ones(24, dtype=torch.int64))
     queries = _whole(generator, 3, 7, 24)
     distance = torch.cdist(
         queries.double(), index.features.double(), compute_mode="donot_use_mm_for_euclid_dist"
@@ -47,13 +46,15 @@ def test_equals_cdist(candidates, exemplars):
 def test_weights_and_missing_neighbors_count_as_they_should():
     generator = torch.Generator().manual_seed(1)
     weights = torch.tensor([1, 3, 2, 5, 1])
-    index = Index(_whole(generator, 1, 40, 5), torch.arange(40), weights, (1, 40), torch.zeros(1, 40, 1))
+    index = Index.of_vectors(_whole(generator, 1, 40, 5), weights)
     queries = _whole(generator, 2, 6, 5)
     readable = torch.rand(6, 5, generator=generator) > 0.4
     readable[0], readable[1] = True, False
     queries = queries * readable
     state = Exhaustive().fit(index, complete=False)
-    cost = Exhaustive().search(state, Query(_augmented(queries), readable)).cost.flatten(2)
+    augmented = _augmented(queries)
+    extended = torch.cat((augmented, (~readable).float().expand(2, -1, -1)), 2)
+    cost = Exhaustive().search(state, Query(augmented, readable, None, extended)).cost.flatten(2)
     base = (queries.square() * weights).sum(2, keepdim=True)
     difference = (queries[:, :, None] - index.features[:, None]).square() * weights * readable[:, None]
     assert (cost + base).equal(difference.sum(3))
@@ -72,13 +73,73 @@ def test_first_minimum_takes_the_first_of_equals(sites, blocks, columns, values)
 
 def test_capacity_bounds_the_workspace(monkeypatch):
     monkeypatch.setattr("torchsynth.search.exhaustive.MEMORY_BUDGET", 4 * 1000)
-    index = Index(
-        torch.zeros(1, 300, 4),
-        torch.arange(300),
-        torch.ones(4, dtype=torch.int64),
-        (1, 300),
-        torch.zeros(1, 300, 1),
-    )
+    index = Index.of_vectors(torch.zeros(1, 300, 4), torch.ones(4, dtype=torch.int64))
     state = Exhaustive().fit(index, complete=True)
     assert Exhaustive().capacity(state) == 3
     assert state.workspace.numel() == 3 * state.width
+
+
+def _square(plane="result", size=3, center=False):
+    return ts.Layer(plane=plane, template=ts.Square(size=size, center=center))
+
+
+def _causal(**options):
+    return ts.Sweep(layers=(ts.Layer(plane="result", template=ts.Causal(size=5)),), **options)
+
+
+COHERENT = ts.Coherence(template=ts.Causal(size=5))
+FARTHER = ts.Coherence(template=ts.Square(size=7))
+STREAMED = {
+    "exhaustive": (_causal(),),
+    "several layers": (
+        _causal(),
+        ts.Sweep(layers=(_square(), _square("coarse", center=True)), unknown="skip"),
+    ),
+    "tolerance": (_causal(order=OnionPeel(), accept=WithinTolerance(max_error=None), unknown="skip"),),
+    "coherence": (_causal(search=COHERENT),),
+    "spared bottom": (_causal(search=ts.Coherence(template=ts.Causal(size=5), spare_bottom=True)),),
+    "farther than compared": (_causal(search=COHERENT, unknown="skip"), _causal(search=FARTHER)),
+}
+
+
+@pytest.mark.parametrize("boundary", ["torus", "open"])
+@pytest.mark.parametrize(("channels", "exemplars"), [(1, 2), (3, 1)])
+@pytest.mark.parametrize("sweeps", STREAMED.values(), ids=STREAMED)
+def test_without_a_table_nothing_else_is_found(monkeypatch, sweeps, channels, exemplars, boundary):
+    coherent = sweeps[0].search.wants() is not None
+    growing = isinstance(sweeps[0].order, OnionPeel)
+    initial = SeedPatch() if growing else ts.RandomSource() if coherent else ts.Noise()
+    recipe = ts.Recipe(levels=1 if growing else 2, boundary=boundary, initial=initial, sweeps=sweeps)
+    image = torch.rand(exemplars, channels, 22, 25, generator=torch.Generator().manual_seed(channels))
+    image = (image * 4).round() / 4  # so that many candidates are as good as others
+    kept = ts.synthesize(image, (9, 11), recipe, seed=[5, 6])
+    monkeypatch.setattr("torchsynth.search.base.TABLE_BUDGET", 0)
+    monkeypatch.setattr("torchsynth.index.CHUNK", 20_000)
+    monkeypatch.setattr("torchsynth.search.exhaustive._ONE_BLOCK", 100)
+    read = ts.synthesize(image, (9, 11), recipe, seed=[5, 6])
+    for one, other in zip(kept.levels, read.levels, strict=True):
+        assert one.source.equal(other.source)
+        assert one.cost.equal(other.cost)
+
+
+@pytest.mark.parametrize("search", [Exhaustive(), FARTHER])
+@pytest.mark.parametrize("complete", [True, False])
+def test_tables_are_kept_only_within_the_budget(monkeypatch, search, complete):
+    index = Index.of_vectors(torch.zeros(1, 5000, 8), torch.ones(8, dtype=torch.int64))
+    rows = 9 if complete else 17
+    for budget, kept in ((5200 * 4 * rows, True), (4900 * 4 * rows, False)):
+        monkeypatch.setattr("torchsynth.search.base.TABLE_BUDGET", budget)
+        assert (search.fit(index, complete=complete).table is not None) == kept
+
+
+def test_continuations_beyond_what_is_compared_never_reach_around():
+    plane = Plane(torch.zeros(1, 9 * 8, 1), (9, 8), "open")
+    index = Index.of((_square(),), (1,), (plane,), 0)
+    state = FARTHER.fit(index, complete=True)
+    rank = {site: number for number, site in enumerate(index.sites.tolist())}
+    for source in range(-1, 9 * 8):
+        found = state.continued.take(state.lines + source).tolist()
+        for (down, across), row in zip(FARTHER.template.offsets().tolist(), found, strict=True):
+            cell = (source // 8 - down, source % 8 - across)
+            inside = source >= 0 and 0 <= cell[0] < 9 and 0 <= cell[1] < 8
+            assert row == (rank.get(cell[0] * 8 + cell[1], -1) if inside else -1)

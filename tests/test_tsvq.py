@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -16,7 +14,7 @@ import torchsynth as ts
 from tests.reference import tsvq
 from torchsynth.accept import Best
 from torchsynth.feasibility import matching_dtype
-from torchsynth.neighborhood import Index
+from torchsynth.index import Index
 from torchsynth.search import Query
 
 
@@ -24,7 +22,7 @@ def _index(count, features, seed, exemplars=1, spread=128):
     generator = torch.Generator().manual_seed(seed)
     values = torch.randint(-spread, spread, (exemplars, count, features), generator=generator).float()
     weights = torch.randint(1, 4, (features,), generator=generator)
-    return Index(values, torch.arange(count), weights, (1, count), values[..., :1])
+    return Index.of_vectors(values, weights, values[..., :1])
 
 
 def _query(features, readable=None):
@@ -96,7 +94,7 @@ def test_each_exemplar_has_its_own_tree():
     queries = _index(8, 4, seed=2, exemplars=3).features
     rows, cost = _found(ts.TSVQ(depth=4), index, _query(queries))
     for item in range(3):
-        alone = replace(index, features=index.features[item : item + 1])
+        alone = Index.of_vectors(index.features[item : item + 1], index.weights)
         row, price = _found(ts.TSVQ(depth=4), alone, _query(queries[item : item + 1]))
         assert row[0].equal(rows[item])
         assert price[0].equal(cost[item])
@@ -144,8 +142,7 @@ def test_training_holds_nothing_larger_than_a_few_copies_of_the_vectors(leaf, de
 def test_without_a_depth_leaves_hold_up_to_64():
     # Far more vectors on one side: the tree is deeper there.
     near, far = _index(3000, 4, seed=1, spread=20), _index(200, 4, seed=2)
-    index = _index(3200, 4, seed=0)
-    index = replace(index, features=torch.cat((near.features, far.features), dim=1))
+    index = Index.of_vectors(torch.cat((near.features, far.features), dim=1), near.weights)
     tree = ts.TSVQ().fit(index, complete=True).tree
     counts, leaf = tree.counts, tree.children < 0
     assert counts[leaf].max() <= 64
@@ -157,7 +154,7 @@ def test_without_a_depth_leaves_hold_up_to_64():
 @pytest.mark.parametrize("readable", [None, torch.tensor([True, True, False, True]).expand(30, 4)])
 def test_leaves_of_any_size_propose_their_nearest_member(beam, readable):
     near, far = _index(900, 4, seed=3, spread=2), _index(100, 4, seed=4)
-    index = replace(_index(1000, 4, seed=5), features=torch.cat((near.features, far.features), dim=1))
+    index = Index.of_vectors(torch.cat((near.features, far.features), dim=1), near.weights)
     search = ts.TSVQ(depth=3, beam=beam)
     state = search.fit(index, complete=readable is None)
     tree = state.tree
@@ -183,9 +180,7 @@ def test_leaves_of_any_size_propose_their_nearest_member(beam, readable):
 
 
 def test_identical_vectors_are_one_leaf():
-    index = Index(
-        torch.full((1, 9, 2), 5.0), torch.arange(9), torch.tensor([1, 1]), (1, 9), torch.zeros(1, 9, 1)
-    )
+    index = Index.of_vectors(torch.full((1, 9, 2), 5.0), torch.tensor([1, 1]))
     rows, _ = _found(ts.TSVQ(depth=5), index, _query(torch.zeros(1, 1, 2)))
     assert rows.item() == 0
 

@@ -26,8 +26,9 @@ from torch import Tensor
 
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
+from torchsynth.index import candidates
 from torchsynth.io import check_writable, reason, staging
-from torchsynth.neighborhood import Layer, Plane, candidates, layer_weights, layers_at
+from torchsynth.neighborhood import Layer, Plane, layer_weights, layers_at
 from torchsynth.part import Part
 from torchsynth.recipe import Recipe
 from torchsynth.search import TSVQ, Tree

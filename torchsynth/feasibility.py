@@ -11,12 +11,12 @@ import torch
 
 from torchsynth._typing import Image, Region
 from torchsynth.errors import ConfigError, InputError
+from torchsynth.index import CHUNK, candidates
 from torchsynth.initial import SeedPatch
 from torchsynth.lattice import Shape
 from torchsynth.neighborhood import (
     Layer,
     Plane,
-    candidates,
     layer_weights,
     layers_at,
     neighbor_weights,
@@ -24,7 +24,7 @@ from torchsynth.neighborhood import (
 from torchsynth.pyramid import level_shapes
 from torchsynth.recipe import Recipe
 from torchsynth.schedule import OnionPeel, visited_rows
-from torchsynth.search.base import MEMORY_BUDGET
+from torchsynth.search.base import MEMORY_BUDGET, Volume
 from torchsynth.sweep import Sweep, group_size
 
 # Up to here every whole number, and so every partial sum of whole numbers, is exact in each type.
@@ -203,21 +203,30 @@ def memory_needed(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> 
     # source twice as int64, a draw, the cost. And once for all outputs: the order, and frames.
     pixel = channels * (16 + 2 * samples.element_size() + item) + 76
     shared = 160
-    fitted = max(_fitted_bytes(sweep, recipe, height * width, channels, item) for sweep in recipe.sweeps)
+    fitted = _fitted_bytes(recipe, samples, item)
     features = channels * max(_neighbors(sweep) for sweep in recipe.sweeps)
     # Positions as int64, vectors, and copies of both while they are put together.
     group = group_size(outputs, features) * outputs * features * (16 + 4 * item)
     # A pyramid holds 4/3 of its finest level.
     output = math.prod(size) * (outputs * pixel + shared) * 4 // 3
-    return output + exemplars * fitted + group + 3 * MEMORY_BUDGET
+    # Per exemplar pixel: copies for the pyramid, in float64 while it is made, picture and matching values.
+    # And once for all exemplars: sites, where windows begin, and the coordinates these come from.
+    example = height * width * (exemplars * channels * (40 + item) + 100) * 4 // 3
+    return output + example + fitted + group + 3 * MEMORY_BUDGET + 8 * CHUNK
 
 
-def _fitted_bytes(sweep: Sweep, recipe: Recipe, pixels: int, channels: int, item: int) -> int:
-    """The vectors of all candidates, what the searcher makes of them, and which positions they are."""
-    painted = any(layer.plane == "target" for layer in sweep.layers)
-    complete = recipe.boundary == "torus" and sweep.unknown == "read" and not painted
-    copies = 2 + sweep.search.copies(complete)
-    return pixels * channels * _neighbors(sweep) * (copies * item + 1) + sweep.search.beside(pixels)
+def _fitted_bytes(recipe: Recipe, samples: Image, item: int) -> int:
+    """What searchers make of all candidates, where that is most: tables too large for one level are not kept."""
+    exemplars, channels, height, width = samples.shape
+    most = 0
+    for level, shape in enumerate(level_shapes((height, width), recipe.levels)):
+        for sweep in recipe.sweeps_at(level):
+            layers = layers_at(sweep.layers, level, recipe.levels)
+            painted = any(layer.plane == "target" for layer in layers)
+            complete = recipe.boundary == "torus" and sweep.unknown == "read" and not painted
+            volume = Volume(exemplars, math.prod(shape), channels, item, layers, complete)
+            most = max(most, sweep.search.memory(volume))
+    return most
 
 
 def _neighbors(sweep: Sweep) -> int:

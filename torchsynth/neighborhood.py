@@ -1,8 +1,8 @@
-"""Neighborhoods as feature vectors: layers, planes, and gathering from both sides.
+"""Neighborhoods as feature vectors: layers, planes, and gathering from the output.
 
 What is compared is a list of *layers*. A layer says which template is laid on which *plane*, and how
-much it counts. The same list is gathered from the exemplar, once for all candidates, and from the
-output, for the pixels whose turn it is; both give vectors with the same meaning at every place.
+much it counts. The same list is gathered from the exemplar (:mod:`torchsynth.index`), for candidates, and
+from the output, for the pixels whose turn it is; both give vectors with the same meaning at every place.
 
 Matching is done on whole numbers: each channel is rounded to 256 steps around zero. Sums of products
 of whole numbers below 2**24 are exact in float32, whatever the order of summation, so that results
@@ -21,8 +21,8 @@ from jaxtyping import Int64
 from pydantic import Field, model_validator
 from torch import Tensor
 
-from torchsynth._typing import Cells, Features, Frames, Image, Offsets, Region, Values
-from torchsynth.lattice import Boundary, Reads, Shape, distorted, only, parents, read, to_cells
+from torchsynth._typing import Cells, Features, Frames, Image, Region, Values
+from torchsynth.lattice import Boundary, Reads, Shape, distorted, only, parents, read
 from torchsynth.part import Part
 from torchsynth.template import Template
 
@@ -31,9 +31,6 @@ STEPS = 255
 
 # A Gaussian falloff is rounded to so many steps.
 _GAUSSIAN_STEPS = 1024
-
-# Candidates gathered at once: bounds the intermediate copies, not the result.
-_CHUNK = 1 << 13
 
 
 class Layer(Part):
@@ -92,25 +89,6 @@ class Plane:
     shape: Shape
     boundary: Boundary
     valid: Region | None = None
-
-
-@dataclass(frozen=True)
-class Index:
-    """The candidates of one level: their feature vectors and where each of them lies.
-
-    Args:
-        features: ``(E, candidates, features)``: one set for each exemplar.
-        sites: The flat exemplar position of each candidate, ascending.
-        weights: How much each feature's squared difference counts: whole numbers.
-        shape: Height and width of the exemplar level that the positions refer to.
-        values: ``(E, candidates, C)``: the candidates themselves, without their neighborhoods.
-    """
-
-    features: Features
-    sites: Int64[Tensor, " candidates"]
-    weights: Int64[Tensor, " features"]
-    shape: Shape
-    values: Values
 
 
 def quantize(image: Image, dtype: torch.dtype) -> Values:
@@ -188,46 +166,6 @@ def neighbor_weights(
     return tuple(counts)
 
 
-def candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int) -> Region:
-    """Which exemplar positions have every layer's neighborhood wholly inside, and valid.
-
-    Args:
-        layers: The layers that exist at this level.
-        planes: The exemplar's planes by level.
-        level: The level whose positions are asked for.
-    """
-    height, width = planes[level].shape
-    everywhere = torch.ones(height, width, dtype=torch.bool, device=planes[level].values.device)
-    own = planes[level].valid
-    usable = everywhere if own is None else own.clone()
-    cells = to_cells(torch.arange(height * width, device=usable.device), width)
-    for layer in layers:
-        whole = _whole_neighborhoods(layer, planes[level + layer.steps_up])
-        centers = parents(cells, layer.steps_up)
-        # Sides round down, so the last row or column of an odd level has no parent.
-        last = torch.tensor(whole.shape, device=centers.device) - 1
-        has_parent = (centers <= last).all(1)
-        rows, columns = centers.minimum(last).unbind(1)
-        usable &= (whole[rows, columns] & has_parent).view(height, width)
-    return usable
-
-
-def gather_candidates(
-    layers: Sequence[Layer], weights: Sequence[int], planes: Sequence[Plane], level: int
-) -> Index:
-    """Read the neighborhoods of every candidate of a level: what the searchers are fitted on."""
-    usable = candidates(layers, planes, level)
-    sites = usable.flatten().nonzero().squeeze(1)
-    samples, _, channels = planes[level].values.shape
-    widths = [len(layer.template.offsets()) * channels for layer in layers]
-    features = planes[level].values.new_empty(samples, len(sites), sum(widths))
-    for layer, columns in zip(layers, features.split(widths, dim=2), strict=True):
-        cells = parents(to_cells(sites, usable.shape[1]), layer.steps_up)
-        _gather_windows(layer, planes[level + layer.steps_up], cells, out=columns)
-    counts = torch.cat(neighbor_weights(layers, weights)).repeat_interleave(channels).to(sites.device)
-    return Index(features, sites, counts, planes[level].shape, planes[level].values.index_select(1, sites))
-
-
 def output_plane(image: Image, dtype: torch.dtype, boundary: Boundary, valid: Region | None = None) -> Plane:
     """A plane of the output's side: behind its last pixel the empty one, and one of ones.
 
@@ -292,67 +230,3 @@ def reads_of(layer: Layer, plane: Plane, cells: Cells, frames: Frames | None) ->
         return reads
     valid = torch.nn.functional.pad(plane.valid.flatten(), (0, 1))
     return only(reads, valid[reads.positions], plane.shape)
-
-
-@dataclass(frozen=True)
-class _Box:
-    """The smallest box around a template and its pixel, and where these lie in it."""
-
-    height: int
-    width: int
-    pixel: tuple[int, int]
-    inside: Offsets
-
-    @classmethod
-    def of(cls, layer: Layer, device: torch.device) -> _Box:
-        offsets = layer.template.offsets().to(device)
-        reach = torch.cat((offsets, torch.zeros_like(offsets[:1])))
-        corner = reach.amin(0)
-        height, width = (reach.amax(0) - corner + 1).tolist()
-        top, left = (-corner).tolist()
-        return cls(height, width, (top, left), offsets - corner)
-
-    def windows(self, picture: Tensor) -> Tensor:
-        """Unfold ``(..., H, W, C)`` into a view of all such boxes: ``(..., H', W', C, h, w)``."""
-        return picture.unfold(-3, self.height, 1).unfold(-3, self.width, 1)
-
-
-def _whole_neighborhoods(layer: Layer, plane: Plane) -> Region:
-    """Where the layer's template lies inside the plane, on valid pixels only."""
-    device = plane.values.device
-    whole = torch.zeros(plane.shape, dtype=torch.bool, device=device)
-    box = _Box.of(layer, device)
-    height, width = plane.shape[0] - box.height + 1, plane.shape[1] - box.width + 1
-    if height < 1 or width < 1:
-        return whole
-    top, left = box.pixel
-    within = whole[top : top + height, left : left + width]
-    within.fill_(True)
-    if plane.valid is not None:
-        for down, across in box.inside.tolist():
-            within &= plane.valid[down : down + height, across : across + width]
-    return whole
-
-
-def _gather_windows(layer: Layer, plane: Plane, cells: Cells, out: Features) -> None:
-    """The neighborhoods around cells that lie well inside an exemplar plane, by unfolding it."""
-    if len(cells) == 0:
-        return
-    samples, _, channels = plane.values.shape
-    box = _Box.of(layer, cells.device)
-    windows = box.windows(plane.values.view(samples, *plane.shape, channels))
-    _, height, width = windows.shape[:3]
-    inside = box.inside[:, 0] * box.width + box.inside[:, 1]
-    rows, columns = (cells - torch.tensor(box.pixel, device=cells.device)).unbind(1)
-    step = max(1, _CHUNK // width)
-    # Cells are in raster order, so those of some rows of windows are neighbors in memory, too.
-    ends = torch.searchsorted(rows.contiguous(), torch.arange(step, height + step, step, device=cells.device))
-    start = 0
-    for block, end in enumerate(ends.tolist()):
-        if end > start:
-            first = block * step
-            some = windows[:, first : first + step].movedim(3, 5).flatten(3, 4)
-            found = some.flatten(1, 2).index_select(2, inside)
-            places = (rows[start:end] - first) * width + columns[start:end]
-            out[:, start:end] = found.flatten(2).index_select(1, places)
-            start = end

@@ -15,11 +15,11 @@ from torchsynth._typing import Draws, Rows, Sites
 from torchsynth.accept import Accept, Best, Evidence, WithinTolerance
 from torchsynth.canvas import Canvas
 from torchsynth.course import Course
+from torchsynth.index import Index
 from torchsynth.neighborhood import (
     STEPS,
     Layer,
     Plane,
-    gather_candidates,
     layer_weights,
     layers_at,
 )
@@ -135,7 +135,7 @@ class Fitted:
         A tree that was trained for just this is used in place of training one.
         """
         layers = layers_at(sweep.layers, level, len(canvases))
-        index = gather_candidates(layers, layer_weights(layers, sweep.normalize), exemplar, level)
+        index = Index.of(layers, layer_weights(layers, sweep.normalize), exemplar, level)
         complete = sweep.unknown == "read" and all(
             plane.boundary == "torus" and plane.valid is None
             for plane in (plane_of(layer, level, canvases) for layer in layers)
@@ -145,7 +145,7 @@ class Fitted:
             state = sweep.search.prepare(index, tree)
         else:
             state = sweep.search.fit(index, complete)
-        return cls(sweep, layers, index.sites, index.weights.to(index.features.dtype), state)
+        return cls(sweep, layers, index.sites, index.weights.to(index.dtype), state)
 
     def serves(self, sweep: Sweep) -> bool:
         """Whether another sweep of the same level can use what was fitted for this one."""

@@ -14,7 +14,7 @@ from torchsynth.codebook import Codebook, PackedTree, digest, trainings
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.feasibility import check_candidates, check_training_memory, matching_dtype
-from torchsynth.neighborhood import gather_candidates
+from torchsynth.index import Index
 from torchsynth.recipe import Recipe
 from torchsynth.synthesis import exact_arithmetic, exemplar_planes
 
@@ -73,7 +73,7 @@ def train(
         if progress is not None:
             progress(training.level, done, total)
         with exact_arithmetic(samples.device.type):
-            index = gather_candidates(training.layers, training.weights, planes, training.level)
+            index = Index.of(training.layers, training.weights, planes, training.level)
             trees[training] = PackedTree.of(training.search.grow(index))
         done += math.prod(planes[training.level].shape)
     if progress is not None:

@@ -2,8 +2,8 @@
 
 A searcher is a part with these verbs: ``wants()`` names the neighbors whose sources it has to see, and
 ``takes_chances`` whether it needs a random number with each;
-``fit(index, complete)`` computes whatever it needs of the candidates, once, and ``copies(complete)`` says
-how much memory that takes (and ``beside(pixels)``, what else); ``capacity(state)`` says how many queries fit its memory budget;
+``fit(index, complete)`` computes whatever it needs of the candidates, once, and ``memory(volume)`` says how
+much memory that takes; ``capacity(state)`` says how many queries fit its memory budget;
 ``largest_term`` bounds its sums, so that they stay exact; ``has_sources`` says whether it proposes exemplar
 pixels; and ``search(state, query)`` proposes candidates with their costs. Which proposal wins is not its
 concern.
@@ -11,6 +11,7 @@ concern.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, TypeAlias
 
 import torch
@@ -18,14 +19,62 @@ from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from torchsynth._typing import Draws
+from torchsynth.neighborhood import Layer
 
 MEMORY_BUDGET = 32 * 2**20
 """Bytes that the costs of one search may take."""
 
+TABLE_BUDGET = 2**30
+"""Bytes that what a searcher keeps of all candidates may take: beyond that, it reads them again and again."""
 
 _HALF = 31
 _MASK = 2**_HALF - 1
 _GOLDEN = -0x61C8864680B583EB
+
+
+class Volume(NamedTuple):
+    """How much there is to be searched, which is what the memory of a search depends on.
+
+    Args:
+        exemplars: How many exemplars there are.
+        pixels: How many pixels each of them has: at most so many are candidates.
+        channels: How many channels a pixel has.
+        item: How many bytes a number takes.
+        layers: What is compared.
+        complete: Whether every feature of every query will be readable.
+    """
+
+    exemplars: int
+    pixels: int
+    channels: int
+    item: int
+    layers: Sequence[Layer]
+    complete: bool
+
+    @property
+    def features(self) -> int:
+        """How many numbers a candidate's vector has."""
+        return self.channels * sum(len(layer.template.offsets()) for layer in self.layers)
+
+    @property
+    def candidates(self) -> int:
+        """How many candidates there are, of all exemplars together."""
+        return self.exemplars * self.pixels
+
+    @property
+    def vectors(self) -> int:
+        """How many bytes all candidates' vectors take."""
+        return self.candidates * self.features * self.item
+
+
+def table_fits(size: int) -> bool:
+    """Whether a searcher may keep a table of so many bytes.
+
+    Example:
+        >>> table_fits(10**6), table_fits(10**12)
+        (True, False)
+    """
+    return size <= TABLE_BUDGET
 
 
 class Offers(NamedTuple):

@@ -6,6 +6,7 @@ that continues the same patch at ``p``. A dozen such candidates replace the sear
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -14,9 +15,10 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from torchsynth._typing import Offsets
-from torchsynth.neighborhood import Index
+from torchsynth.index import Index
+from torchsynth.neighborhood import Layer
 from torchsynth.part import Part
-from torchsynth.search.base import MEMORY_BUDGET, Proposals, Query
+from torchsynth.search.base import MEMORY_BUDGET, Proposals, Query, Volume, table_fits
 from torchsynth.template import Template
 
 
@@ -25,23 +27,22 @@ class CoherenceState:
     """What is computed of the candidates, once.
 
     Args:
-        continued: For each neighbor ``k``, and in one line with the others, which candidate continues a
-            patch that has its neighbor ``k`` at ``source``: at ``k * (pixels + 1) + source + 1``; -1
-            where there is none. The first of each neighbor's entries is for neighbors without source.
-        lines: Where each neighbor's entries begin, for source 0.
-        products: Minus twice each weighted candidate, and behind it its weighted squared length, which
-            a query's last 1 picks up. All candidates of the first exemplar come first.
-        partial: The same, and behind that minus its weighted squares, for the features that a query
-            lacks; None where every query is complete.
-        number: How many candidates an exemplar has.
+        index: The candidates.
+        continued: Lines that say which candidate is at an exemplar pixel, with room before and behind; -1
+            where there is none.
+        lines: For each neighbor where its line has the candidate that continues a patch with this neighbor
+            at source 0; the one for source ``s`` is ``s`` places behind it.
+        table: Minus twice each weighted candidate, and behind it its weighted squared length, which a
+            query's last 1 picks up; behind that, unless every query is complete, minus its weighted
+            squares, for the features that a query lacks. All candidates of the first exemplar come first.
+            None where it would take too much memory: then candidates are read when they are proposed.
         limits: For each candidate the chance above which it is replaced; None if none is.
     """
 
+    index: Index
     continued: Int64[Tensor, " entries"]
     lines: Int64[Tensor, " neighbors"]
-    products: Float[Tensor, "rows augmented"]
-    partial: Float[Tensor, "rows extended"] | None
-    number: int
+    table: Float[Tensor, "rows extended"] | None
     limits: Int64[Tensor, " candidates"] | None
 
 
@@ -95,33 +96,27 @@ class Coherence(Part):
             index: The candidates.
             complete: Whether every feature of every query will be readable.
         """
-        vectors = index.features.flatten(0, 1)
-        weights = index.weights.to(vectors.dtype)
-        squares = vectors.square().mul_(weights)
-        products = torch.cat((vectors * (-2 * weights), squares.sum(1, keepdim=True)), dim=1)
-        continued = _continuations(index, self.template.offsets().to(vectors.device))
-        lines = torch.arange(len(continued), device=vectors.device) * continued.shape[1] + 1
+        continued, lines = _continuations(index, self.template.offsets().to(index.sites.device))
+        size = index.exemplars * len(index.sites) * _columns(len(index.weights), complete)
         return CoherenceState(
-            continued=continued.flatten(),
+            index=index,
+            continued=continued,
             lines=lines,
-            products=products,
-            partial=None if complete else torch.cat((products, -squares), dim=1),
-            number=len(index.sites),
+            table=_table(index, complete) if table_fits(size * index.dtype.itemsize) else None,
             limits=_limits(index) if self.spare_bottom else None,
         )
 
-    def copies(self, complete: bool) -> int:
-        """How much memory fitting takes, in sizes of the candidates' vectors."""
-        return 3 if complete else 5
-
-    def beside(self, pixels: int) -> int:
-        """How many bytes fitting takes for exemplars of so many pixels, beside those copies."""
-        # The table of continuations, twice while it is put together.
-        return 16 * len(self.template.offsets()) * pixels
+    def memory(self, volume: Volume) -> int:
+        """About how many bytes fitting takes, and at most so many."""
+        table = volume.candidates * _columns(volume.features, volume.complete) * volume.item
+        # Lines are there twice while they are put together.
+        lines = 16 * volume.pixels * (1 + _beyond(self.template.offsets(), volume.layers))
+        return lines + (table if table_fits(table) else 0)
 
     def capacity(self, state: CoherenceState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
-        row = len(state.lines) * state.products.shape[1] * state.products.element_size()
+        columns = len(state.index.weights) * 3 if state.table is None else state.table.shape[1]
+        row = len(state.lines) * columns * state.index.dtype.itemsize
         return max(1, MEMORY_BUDGET // (2 * row))
 
     def search(self, state: CoherenceState, query: Query) -> Proposals:
@@ -143,32 +138,84 @@ class Coherence(Part):
         return Proposals(cost, rows)
 
 
+def _columns(features: int, complete: bool) -> int:
+    """How many columns the table has."""
+    return features + 1 if complete else 2 * features + 1
+
+
+def _table(index: Index, complete: bool) -> Float[Tensor, "rows extended"]:
+    """The table of :class:`CoherenceState`."""
+    weights, features = index.weights.to(index.dtype), len(index.weights)
+    table = weights.new_empty(index.exemplars, len(index.sites), _columns(features, complete))
+    for some in index.slices():
+        vectors, here = index.vectors(some), table[:, some]
+        squares = vectors.square().mul_(weights)
+        here[..., :features] = vectors.mul_(-2 * weights)
+        here[..., features] = squares.sum(2)
+        if not complete:
+            here[..., features + 1 :] = squares.neg_()
+    return table.flatten(0, 1)
+
+
 def _costs(state: CoherenceState, query: Query, rows: Tensor) -> Float[Tensor, "batch sites neighbors"]:
     """What the proposed candidates cost."""
-    queries, table = query.features, state.products
-    if query.extended is not None and state.partial is not None:
-        queries, table = query.extended, state.partial
-    height, features = table.shape
-    if height > state.number:  # each sample has an exemplar of its own
-        rows = rows + torch.arange(0, height, state.number, device=rows.device).view(-1, 1, 1)
+    exemplars, number = state.index.exemplars, len(state.index.sites)
+    if exemplars > 1:  # each sample has an exemplar of its own
+        rows = rows + torch.arange(0, exemplars * number, number, device=rows.device).view(-1, 1, 1)
+    if state.table is None:
+        return _read_costs(state.index, query, rows)
+    queries = query.features if query.extended is None else query.extended
+    features = queries.shape[2]
+    table = state.table if features == state.table.shape[1] else state.table[:, :features]
     proposed = torch.embedding(table, rows).view(-1, rows.shape[2], features)
     return torch.bmm(proposed, queries.reshape(-1, features, 1)).view(rows.shape)
 
 
-def _continuations(index: Index, offsets: Offsets) -> Int64[Tensor, "neighbors entries"]:
-    """For each neighbor and each source it may have: the candidate that continues the patch, or -1."""
+def _read_costs(index: Index, query: Query, rows: Tensor) -> Float[Tensor, "batch sites neighbors"]:
+    """The same by the candidates themselves: ``(x - 2 q).x`` is ``|x|^2 - 2 q.x``."""
+    proposed, weights = index.at(rows), index.weights.to(index.dtype)
+    counting = weights if query.readable is None else query.readable * weights
+    terms = (proposed - 2 * query.features[..., :-1].unsqueeze(2)).mul_(proposed)
+    return torch.matmul(terms, counting.unsqueeze(-1)).squeeze(-1)
+
+
+def _continuations(
+    index: Index, offsets: Offsets
+) -> tuple[Int64[Tensor, " entries"], Int64[Tensor, " neighbors"]]:
+    """For each neighbor and each source it may have: the candidate that continues the patch, or -1.
+
+    Returns:
+        Lines, and where each neighbor's begins for source 0; see :class:`CoherenceState`. That of source
+        ``s`` is the candidate at ``s - offset``, in flat positions. These go around the exemplar's left
+        and right border; but such a position is a candidate only if its own neighborhood reaches beyond
+        that border, which those that are compared do not. So one line serves all neighbors that are
+        compared; any other has a line of its own, without the candidates that it would reach around.
+    """
     height, width = index.shape
-    reach = int(offsets.abs().max())
-    padded = torch.full((height + 2 * reach, width + 2 * reach), -1, device=offsets.device)
-    rows = torch.full((height * width,), -1, device=offsets.device)
-    rows[index.sites] = torch.arange(len(index.sites), device=offsets.device)
-    padded[reach : reach + height, reach : reach + width] = rows.view(height, width)
-    continued = torch.full((len(offsets), height * width + 1), -1, device=offsets.device)
-    # The window that begins at (reach - dy, reach - dx) shows every pixel its neighbor's continuation.
-    for neighbor, (top, left) in enumerate((reach - offsets).tolist()):
-        window = padded[top : top + height, left : left + width]
-        continued[neighbor, 1:].view(height, width).copy_(window)
-    return continued
+    flat = offsets[:, 0] * width + offsets[:, 1]
+    room = int(flat.abs().max()) + 1
+    line = torch.full((height * width + 2 * room,), -1, device=offsets.device)
+    line[index.sites + room] = torch.arange(len(index.sites), device=offsets.device)
+    rows, columns = index.sites // width, index.sites % width
+    first, last = torch.stack((rows.amin(), columns.amin())), torch.stack((rows.amax(), columns.amax()))
+    sides = torch.tensor((height, width), device=offsets.device)
+    within = ((first + offsets >= 0) & (last + offsets < sides)).all(1)
+    lines, starts = [line], room - flat
+    for neighbor in (~within).nonzero().squeeze(1).tolist():
+        down, across = offsets[neighbor].tolist()
+        inside = (
+            (rows + down >= 0) & (rows + down < height) & (columns + across >= 0) & (columns + across < width)
+        )
+        starts[neighbor] += len(lines) * len(line)
+        lines.append(line.index_fill(0, index.sites[~inside] + room, -1))
+    return torch.cat(lines), starts
+
+
+def _beyond(offsets: Offsets, layers: Sequence[Layer]) -> int:
+    """How many neighbors lie farther away than what is compared, and may need a line of their own."""
+    compared = [layer.template.offsets() for layer in layers if layer.steps_up == 0]
+    reach = torch.cat((*compared, torch.zeros_like(offsets[:1])))
+    return int(((offsets < reach.amin(0)) | (offsets > reach.amax(0))).any(1).sum())
 
 
 def _limits(index: Index) -> Int64[Tensor, " candidates"]:

@@ -8,10 +8,11 @@ from typing import ClassVar, Literal
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import pad
 
-from torchsynth.neighborhood import Index
+from torchsynth.index import Index
 from torchsynth.part import Part
-from torchsynth.search.base import MEMORY_BUDGET, Costs, Proposals, Query
+from torchsynth.search.base import MEMORY_BUDGET, Costs, Proposals, Query, Volume, table_fits
 
 # A product with few queries is fastest when each block of candidates, and its costs, stay in the
 # innermost caches: a fifth less time than one wide product, together with finding the minimum.
@@ -22,27 +23,29 @@ _ONE_BLOCK = 2048
 
 @dataclass(frozen=True)
 class ExhaustiveState:
-    """What is computed of the candidates, once. They are laid out in blocks of columns.
+    """What is computed of the candidates, once. Costs are laid out in blocks of columns, like the table.
 
     Args:
+        index: The candidates.
         table: Minus twice the weighted candidates, and below them their weighted squared lengths, which a
             query's last 1 picks up: infinite in columns that pad the last block. Below that, unless every
             query is complete, minus their weighted squares, for what a query lacks: zero in those columns.
-        features: How many features a candidate has.
-        exemplars: How many exemplars there are; the blocks of the first come first.
+            The blocks of the first exemplar come first. None where it would take too much memory: then
+            each search reads the candidates anew.
+        columns: How many columns a block has.
         workspace: Where costs are written, again and again: fresh memory for each of thousands of
             searches would cost a tenth of the time.
     """
 
-    table: Float[Tensor, "blocks rows columns"]
-    features: int
-    exemplars: int
+    index: Index
+    table: Float[Tensor, "blocks rows columns"] | None
+    columns: int
     workspace: Float[Tensor, " size"]
 
     @property
     def width(self) -> int:
         """How many costs a query has."""
-        return len(self.table) // self.exemplars * self.table.shape[2]
+        return -(-len(self.index.sites) // self.columns) * self.columns
 
 
 class Exhaustive(Part):
@@ -57,7 +60,7 @@ class Exhaustive(Part):
 
     Example:
         >>> features = torch.tensor([[[0.0, 3.0], [1.0, 1.0]]])
-        >>> index = Index(features, torch.tensor([0, 1]), torch.tensor([1, 1]), (1, 2), features[..., :1])
+        >>> index = Index.of_vectors(features, torch.tensor([1, 1]))
         >>> state = Exhaustive().fit(index, complete=True)
         >>> found = Exhaustive().search(state, Query(torch.tensor([[[0.0, 2.0, 1.0]]])))
         >>> (found.cost + 2.0**2).tolist()
@@ -85,34 +88,19 @@ class Exhaustive(Part):
             index: The candidates.
             complete: Whether every feature of every query will be readable.
         """
-        exemplars, number, features = index.features.shape
-        weights = index.weights.to(index.features.dtype)
+        number, features = len(index.sites), len(index.weights)
         columns = number if number <= _ONE_BLOCK else _BLOCK
-        blocks = -(-number // columns)
-        rows = features + 1 if complete else 2 * features + 1
-        table = weights.new_zeros(exemplars * blocks, rows, columns)
-        table[:, features] = float("inf")  # stays in the columns that stand for no candidate
-        # Block by block: the copies on the way are small.
-        for block in range(blocks):
-            vectors = index.features[:, block * columns : (block + 1) * columns].transpose(1, 2)
-            weighted = vectors * weights.unsqueeze(1)
-            lengths = weighted * vectors
-            here, filled = slice(block, None, blocks), vectors.shape[2]
-            table[here, :features, :filled] = weighted.mul_(-2)
-            table[here, features, :filled] = lengths.sum(1)
-            if not complete:
-                table[here, features + 1 :, :filled] = lengths.neg_()
-        capacity = max(1, MEMORY_BUDGET // (blocks * columns * table.element_size()))
-        workspace = table.new_empty(capacity * blocks * columns)
-        return ExhaustiveState(table, features, exemplars, workspace)
+        blocks, rows = -(-number // columns), _rows(features, complete)
+        size = index.exemplars * blocks * columns * rows * index.dtype.itemsize
+        table = _table(index, blocks, rows, columns) if table_fits(size) else None
+        capacity = max(1, MEMORY_BUDGET // (blocks * columns * index.dtype.itemsize))
+        workspace = torch.empty(capacity * blocks * columns, dtype=index.dtype, device=index.sites.device)
+        return ExhaustiveState(index, table, columns, workspace)
 
-    def copies(self, complete: bool) -> int:
-        """How much memory fitting takes, in sizes of the candidates' vectors."""
-        return 1 if complete else 2
-
-    def beside(self, pixels: int) -> int:  # noqa: ARG002 (searchers share one signature)
-        """How many bytes fitting takes for exemplars of so many pixels, beside those copies."""
-        return 0
+    def memory(self, volume: Volume) -> int:
+        """About how many bytes fitting takes, and at most so many."""
+        table = volume.candidates * _rows(volume.features, volume.complete) * volume.item
+        return table if table_fits(table) else 0
 
     def capacity(self, state: ExhaustiveState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
@@ -130,11 +118,56 @@ class Exhaustive(Part):
         batch, sites, _ = query.features.shape
         needed = batch * sites * state.width
         out = state.workspace[:needed] if needed <= len(state.workspace) else None
+        if state.table is None:
+            return Proposals(
+                _streamed(state, query, state.workspace.new_empty(needed) if out is None else out)
+            )
         if query.extended is not None:
             # Unreadable neighbors drop out of the candidates' lengths too, query by query.
-            return Proposals(_product(query.extended, state.table, state.exemplars, out))
-        products = state.table[:, : state.features + 1]
-        return Proposals(_product(query.features, products, state.exemplars, out))
+            return Proposals(_product(query.extended, state.table, state.index.exemplars, out))
+        products = state.table[:, : len(state.index.weights) + 1]
+        return Proposals(_product(query.features, products, state.index.exemplars, out))
+
+
+def _rows(features: int, complete: bool) -> int:
+    """How many rows the table has."""
+    return features + 1 if complete else 2 * features + 1
+
+
+def _table(index: Index, blocks: int, rows: int, columns: int) -> Float[Tensor, "blocks rows columns"]:
+    """The table of :class:`ExhaustiveState`."""
+    weights, features = index.weights.to(index.dtype).unsqueeze(1), len(index.weights)
+    table = weights.new_empty(index.exemplars, blocks, rows, columns)
+    for some in index.slices(columns):
+        vectors = pad(index.vectors(some), (0, 0, 0, -some.stop % columns))
+        vectors = vectors.view(index.exemplars, -1, columns, features).mT
+        start = some.start // columns
+        here = table[:, start : start + vectors.shape[1]]
+        squares = vectors.square().mul_(weights)
+        here[:, :, :features] = vectors.mul_(-2 * weights)
+        here[:, :, features] = squares.sum(2)
+        if rows > features + 1:
+            here[:, :, features + 1 :] = squares.neg_()
+    # In the columns that stand for no candidate.
+    table[:, -1, features, len(index.sites) - (blocks - 1) * columns :] = float("inf")
+    return table.flatten(0, 1)
+
+
+def _streamed(state: ExhaustiveState, query: Query, out: Float[Tensor, " costs"]) -> Costs:
+    """The same costs as by the table, slice by slice of the candidates."""
+    index, weights = state.index, state.index.weights.to(state.index.dtype)
+    batch, sites, _ = query.features.shape
+    products = (query.features[..., :-1] * (-2 * weights)).view(index.exemplars, -1, len(weights))
+    # The lengths are the same for all samples that share an exemplar.
+    counting = weights.unsqueeze(0) if query.readable is None else query.readable * weights
+    cost = out.view(index.exemplars, -1, state.width)
+    cost[..., len(index.sites) :] = float("inf")
+    for some in index.slices():
+        vectors = index.vectors(some)
+        found = torch.matmul(products, vectors.mT).view(index.exemplars, -1, sites, vectors.shape[1])
+        found += torch.matmul(counting, vectors.square_().mT).unsqueeze(1)
+        cost[..., some] = found.flatten(1, 2)
+    return out.view(batch, sites, -1, state.columns)
 
 
 def _product(queries: Tensor, blocks: Tensor, exemplars: int, out: Tensor | None = None) -> Costs:

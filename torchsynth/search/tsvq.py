@@ -11,9 +11,9 @@ from pydantic import Field
 from torch import Tensor
 from torch.nn.functional import pad
 
-from torchsynth.neighborhood import Index
+from torchsynth.index import Index
 from torchsynth.part import Part
-from torchsynth.search.base import MEMORY_BUDGET, Proposals, Query
+from torchsynth.search.base import MEMORY_BUDGET, Proposals, Query, Volume
 from torchsynth.search.tree import CHUNK, Blocks, Limits, Tree, bisector, block_size, grow, only_central
 
 # One product with the nodes at the top of the tree is faster than a step for each of their levels.
@@ -179,7 +179,7 @@ class TSVQ(Part):
         Compression*, 1992.
 
     Example:
-        >>> index = Index(torch.tensor([[[0.0], [1.0], [9.0]]]), torch.arange(3), torch.tensor([1]), (1, 3), torch.zeros(1, 3, 1))
+        >>> index = Index.of_vectors(torch.tensor([[[0.0], [1.0], [9.0]]]), torch.tensor([1]))
         >>> search = TSVQ(depth=2)
         >>> found = search.search(search.fit(index, complete=True), Query(torch.tensor([[[8.0, 1.0]]])))
         >>> found.rows.flatten()[found.cost.flatten().argmin()].item()
@@ -224,36 +224,31 @@ class TSVQ(Part):
         weights = index.weights.to(vectors.dtype)
         depth, enough = (_DEEPEST, _ENOUGH) if self.depth is None else (self.depth, 1)
         limits = Limits(depth, self.codewords, self.min_leaf, enough, self.threshold)
-        tree = grow(vectors, weights, len(index.features), limits).beside(vectors)
+        tree = grow(vectors, weights, index.exemplars, limits).beside(vectors)
         return only_central(tree, vectors, weights) if self.leaf == "central" else tree
 
     def prepare(self, index: Index, tree: Tree) -> TSVQState:
         """Lay out a tree of these candidates, and the candidates, for searching."""
         vectors = index.features.flatten(0, 1)
         weights = index.weights.to(vectors.dtype)
-        exemplars = len(index.features)
         tree = tree.beside(vectors)
         members = vectors.index_select(0, tree.members)
         return TSVQState(
             tree=tree,
-            nodes=Nodes.of(tree, weights, exemplars),
+            nodes=Nodes.of(tree, weights, index.exemplars),
             members=members,
-            rows=tree.members % index.features.shape[1],
+            rows=tree.members % len(index.sites),
             leaves=Leaves.of(tree, members, weights),
             weights=weights,
-            exemplars=exemplars,
+            exemplars=index.exemplars,
             own=_mean_values(tree, index) if self.leaf == "centroid" else None,
         )
 
-    def copies(self, complete: bool) -> int:  # noqa: ARG002 (the descent handles both)
-        """How much memory training takes, in sizes of the candidates' vectors; searching takes less."""
+    def memory(self, volume: Volume) -> int:
+        """About how many bytes training takes, and at most so many; searching takes less."""
         # A deep tree has up to two nodes for each vector, and their centroids grow in float64.
         deep = self.depth is not None and self.depth > _SHALLOW
-        return 16 if deep and (self.codewords or 2**31) > 2**_SHALLOW else 8
-
-    def beside(self, pixels: int) -> int:  # noqa: ARG002 (searchers share one signature)
-        """How many bytes fitting takes for exemplars of so many pixels, beside those copies."""
-        return 0
+        return volume.vectors * (18 if deep and (self.codewords or 2**31) > 2**_SHALLOW else 10)
 
     def capacity(self, state: TSVQState) -> int:
         """How many queries fit the memory budget: at least one."""
