@@ -143,3 +143,44 @@ def test_continuations_beyond_what_is_compared_never_reach_around():
             cell = (source // 8 - down, source % 8 - across)
             inside = source >= 0 and 0 <= cell[0] < 9 and 0 <= cell[1] < 8
             assert row == (rank.get(cell[0] * 8 + cell[1], -1) if inside else -1)
+
+
+@pytest.mark.parametrize("exemplars", [1, 3])
+@pytest.mark.parametrize("tolerance", [0.0, 0.1, 3.0])
+@pytest.mark.parametrize("complete", [True, False])
+@pytest.mark.parametrize("spread", [256, 3])
+def test_sifting_keeps_all_that_matters_exactly(exemplars, tolerance, complete, spread):
+    """Weights for which float32 is not exact: what may be chosen has its exact cost, in its order."""
+    generator = torch.Generator().manual_seed(7)
+    weights = torch.randint(0, 1025, (40,), generator=generator)
+
+    def whole(*shape):
+        return torch.randint(-128, 128, shape, generator=generator).double() // (256 // spread)
+
+    index = Index.of_vectors(whole(exemplars, 3000, 40), weights)
+    queries, readable = whole(3, 6, 40), torch.rand(6, 40, generator=generator) > 0.4
+    if complete:
+        readable[:] = True
+    queries = queries * readable
+    query = Query(_augmented(queries).double(), tolerance=tolerance)
+    if not complete:
+        missing = (~readable).double().expand(3, -1, -1)
+        query = query._replace(readable=readable, extended=torch.cat((query.features, missing), 2))
+    state = Exhaustive().fit(index, complete=complete)
+    assert state.table.dtype == torch.float32
+    found = Exhaustive().search(state, query)
+    base = (queries.square() * weights).sum(2)
+    vectors = index.features.expand(3, -1, -1)
+    distance = ((queries[:, :, None] - vectors[:, None]).square() * weights * readable[:, None]).sum(3)
+    for sample in range(3):
+        for site in range(6):
+            there = found.cost[sample, site].isfinite()
+            rows = found.rows[sample, site][there]
+            assert rows.equal(rows.unique())
+            exact = distance[sample, site]
+            assert (found.cost[sample, site][there] + base[sample, site]).equal(exact[rows])
+            needed = (exact <= (1 + tolerance) * exact.min()).nonzero().squeeze(1)
+            assert torch.isin(needed, rows).all()
+            if spread == 256:
+                assert len(rows) < 2 * len(needed) + 50
+    assert first_minimum(found.cost).place.shape == (3, 6)

@@ -67,6 +67,9 @@ class Best(Part):
     weighs: ClassVar[bool] = False
     """Whether it wants to see evidence."""
 
+    tolerance: ClassVar[float] = 0.0
+    """How much larger than the smallest difference one may be that may still be chosen."""
+
     @property
     def refuses(self) -> bool:
         """Whether a query may end up with no candidate at all."""
@@ -109,6 +112,11 @@ class WithinTolerance(Part):
 
     weighs: ClassVar[bool] = True
     """Whether it wants to see evidence."""
+
+    @property
+    def tolerance(self) -> float:
+        """How much larger than the smallest difference one may be that may still be chosen."""
+        return self.epsilon
 
     @property
     def refuses(self) -> bool:

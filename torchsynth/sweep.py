@@ -300,8 +300,11 @@ class _Visits:
     def _match(self, sites: Sites, query: Query, blind: Tensor | None, course: Course) -> _Visited:
         """What the sites of a piece take."""
         fitted, sweep = self.fitted, self.fitted.sweep
+        evidence = None
+        if sweep.accept.weighs:
+            query = query._replace(tolerance=sweep.accept.tolerance)
+            evidence = self._evidence(sites, query, course)
         proposals = sweep.search.search(fitted.state, query)
-        evidence = self._evidence(sites, query, course) if sweep.accept.weighs else None
         choice = sweep.accept.choose(proposals.cost, evidence)
         rows = proposals.rows_at(choice.place)
         if blind is not None:

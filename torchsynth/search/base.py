@@ -164,12 +164,14 @@ class Query(NamedTuple):
         offers: What the wanted neighbors offer; None if no search wants any.
         extended: The features again, and behind them a 1 for each feature that does not exist, so that
             one product can take its share away; None where all of them exist.
+        tolerance: How much larger than the smallest distance one may be that still matters, as a share of it.
     """
 
     features: Float[Tensor, "batch sites augmented"]
     readable: Bool[Tensor, "sites features"] | None = None
     offers: Offers | None = None
     extended: Float[Tensor, "batch sites extended"] | None = None
+    tolerance: float = 0.0
 
 
 class Proposals(NamedTuple):

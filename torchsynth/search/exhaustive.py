@@ -13,12 +13,15 @@ from torch.nn.functional import pad
 from torchsynth.index import Index
 from torchsynth.part import Part
 from torchsynth.search.base import MEMORY_BUDGET, Costs, Proposals, Query, Volume, table_fits
+from torchsynth.search.sieve import Sieve
 
 # A product with few queries is fastest when each block of candidates, and its costs, stay in the
 # innermost caches: a fifth less time than one wide product, together with finding the minimum.
 _BLOCK = 192
 # Below this many candidates, one block is best: the number of calls is what counts.
 _ONE_BLOCK = 2048
+# The table is in float32: bytes of each number.
+_ITEM = 4
 
 
 @dataclass(frozen=True)
@@ -35,12 +38,15 @@ class ExhaustiveState:
         columns: How many columns a block has.
         workspace: Where costs are written, again and again: fresh memory for each of thousands of
             searches would cost a tenth of the time.
+        sieve: Where costs are exact in float64 only, and there is a table: that is in float32, and this
+            finds those candidates of which the exact costs are needed.
     """
 
     index: Index
     table: Float[Tensor, "blocks rows columns"] | None
     columns: int
     workspace: Float[Tensor, " size"]
+    sieve: Sieve | None = None
 
     @property
     def width(self) -> int:
@@ -91,15 +97,20 @@ class Exhaustive(Part):
         number, features = len(index.sites), len(index.weights)
         columns = number if number <= _ONE_BLOCK else _BLOCK
         blocks, rows = -(-number // columns), _rows(features, complete)
-        size = index.exemplars * blocks * columns * rows * index.dtype.itemsize
-        table = _table(index, blocks, rows, columns) if table_fits(size) else None
-        capacity = max(1, MEMORY_BUDGET // (blocks * columns * index.dtype.itemsize))
-        workspace = torch.empty(capacity * blocks * columns, dtype=index.dtype, device=index.sites.device)
-        return ExhaustiveState(index, table, columns, workspace)
+        table, sieve, dtype = None, None, index.dtype
+        if table_fits(index.exemplars * blocks * columns * rows * _ITEM):
+            table, dtype = _table(index, blocks, rows, columns), torch.float32
+            if index.dtype != dtype:
+                lengths = table[:, features]
+                longest = float(lengths[lengths.isfinite()].max().double().sqrt())
+                sieve = Sieve(longest * (1 + 1e-6), rows)
+        capacity = max(1, MEMORY_BUDGET // (blocks * columns * dtype.itemsize))
+        workspace = torch.empty(capacity * blocks * columns, dtype=dtype, device=index.sites.device)
+        return ExhaustiveState(index, table, columns, workspace, sieve)
 
     def memory(self, volume: Volume) -> int:
         """About how many bytes fitting takes, and at most so many."""
-        table = volume.candidates * _rows(volume.features, volume.complete) * volume.item
+        table = volume.candidates * _rows(volume.features, volume.complete) * _ITEM
         return table if table_fits(table) else 0
 
     def capacity(self, state: ExhaustiveState) -> int:
@@ -107,10 +118,11 @@ class Exhaustive(Part):
         return len(state.workspace) // state.width
 
     def search(self, state: ExhaustiveState, query: Query) -> Proposals:
-        """Propose every candidate.
+        """Propose every candidate that matters.
 
         Returns:
-            Costs ``(B, sites, blocks, columns)``: weighted squared distances less each query's own squared
+            Every candidate, or those that may be within the query's tolerance of the best. Of every one
+            the costs ``(B, sites, blocks, columns)``: weighted squared distances less each query's own squared
             length, which is the same for all its candidates; infinite in the padding. Candidate ``i``
             of the index is column ``i`` counted through the blocks. Valid until the next search with
             the same state.
@@ -122,11 +134,11 @@ class Exhaustive(Part):
             return Proposals(
                 _streamed(state, query, state.workspace.new_empty(needed) if out is None else out)
             )
-        if query.extended is not None:
-            # Unreadable neighbors drop out of the candidates' lengths too, query by query.
-            return Proposals(_product(query.extended, state.table, state.index.exemplars, out))
-        products = state.table[:, : len(state.index.weights) + 1]
-        return Proposals(_product(query.features, products, state.index.exemplars, out))
+        # Unreadable neighbors drop out of the candidates' lengths too, query by query.
+        queries = query.features if query.extended is None else query.extended
+        table = state.table[:, : queries.shape[2]]
+        cost = _product(queries.to(table.dtype), table, state.index.exemplars, out)
+        return Proposals(cost) if state.sieve is None else state.sieve.sift(state.index, cost, query)
 
 
 def _rows(features: int, complete: bool) -> int:
@@ -137,7 +149,7 @@ def _rows(features: int, complete: bool) -> int:
 def _table(index: Index, blocks: int, rows: int, columns: int) -> Float[Tensor, "blocks rows columns"]:
     """The table of :class:`ExhaustiveState`."""
     weights, features = index.weights.to(index.dtype).unsqueeze(1), len(index.weights)
-    table = weights.new_empty(index.exemplars, blocks, rows, columns)
+    table = torch.empty(index.exemplars, blocks, rows, columns, device=weights.device)
     for some in index.slices(columns):
         vectors = pad(index.vectors(some), (0, 0, 0, -some.stop % columns))
         vectors = vectors.view(index.exemplars, -1, columns, features).mT
