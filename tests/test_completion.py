@@ -274,3 +274,18 @@ def test_refusing_needs_an_order_that_comes_back():
     with pytest.raises(ValueError, match="only the order 'onion_peel' comes back"):
         ts.Sweep(layers=layers, accept=ts.WithinTolerance())
     assert ts.Sweep(layers=layers, accept=ts.WithinTolerance(max_error=None)).order.kind == "scanline"
+
+
+def test_separate_channels_are_pictures_of_their_own(make_exemplar):
+    exemplar = make_exemplar(3, 12, 12, seed=1)
+    apart = ts.recipes.efros_leung(window=3, channels="separate")
+    result = ts.synthesize(exemplar, (9, 8), apart, seed=[4, 5])
+    for channel in range(3):
+        alone = ts.synthesize(exemplar[channel : channel + 1], (9, 8), apart, seed=[4, 5])
+        assert result.image[:, channel].equal(alone.image[:, 0])
+    assert (result.source == -1).all()
+    assert result.recipe == apart
+    with pytest.raises(ts.InputError, match="copies each channel from somewhere else"):
+        result.transfer(exemplar)
+    with pytest.raises(ValueError, match="seams are those of all channels together"):
+        apart.changed(blur_seams=3)
