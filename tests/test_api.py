@@ -12,8 +12,9 @@ import torchsynth as ts
 
 SURFACE = [
     "Anticausal", "Best", "Causal", "Codebook", "Coherence", "ConfigError", "Controls", "Exemplar", "Exhaustive", "InputError", "Layer", "Level",
-    "Noise", "OutputError", "RandomSource", "Recipe", "Result", "Scanline", "Shuffle", "Simultaneous", "Square", "Sweep",
-    "TSVQ", "TorchsynthError", "drawing", "dump_recipe", "field", "load_recipe", "metrics", "read_image", "recipes", "synthesize", "train", "write_image",
+    "Noise", "OnionPeel", "OutputError", "RandomSource", "Recipe", "Result", "Scanline", "SeedPatch", "Shuffle", "Simultaneous", "Square", "Sweep",
+    "TSVQ", "TorchsynthError", "WithinTolerance", "drawing", "dump_recipe", "extend", "field", "fill", "load_recipe", "metrics", "read_image", "recipes", "synthesize",
+    "tile", "train", "write_image",
 ]  # fmt: skip
 
 

@@ -179,9 +179,9 @@ def test_a_picture_is_no_recipe(tmp_path):
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ("wei_levi", "wei_levi: must be one of the recipes ashikhmin, ashikhmin_multires, ashikhmin_target, distorted, random_order, wei_levoy, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
+        ("wei_levi", "wei_levi: must be one of the recipes ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
                      "there is no such recipe; did you mean 'wei_levoy'?"),
-        ("fractal", "there is no such recipe; choose from: ashikhmin, ashikhmin_multires, ashikhmin_target, distorted, random_order, wei_levoy, wei_levoy_single, wei_levoy_tsvq"),
+        ("fractal", "there is no such recipe; choose from: ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq"),
         ("nothing.yaml", "nothing.yaml: must be a readable file, but the system says: no such file"),
     ],
 )  # fmt: skip

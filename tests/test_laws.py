@@ -46,6 +46,10 @@ RECIPES = {
     "random tsvq": ts.recipes.random_order(levels=2, neighborhood=3, parent=3, search="tsvq"),
     "random coherence": ts.recipes.random_order(levels=2, neighborhood=3, parent=3, search="coherence"),
     "distorted": ts.recipes.distorted(levels=2, neighborhood=5, parent=3),
+    "efros_leung": ts.recipes.efros_leung(window=5),
+    "efros_leung waiting": ts.recipes.efros_leung(
+        window=5, pick="distance", max_error=0.02, growth=3.0, boundary="torus"
+    ),
     "wei_levoy skipping": ts.Recipe(
         levels=1,
         sweeps=(ts.Sweep(layers=(Layer(plane="result", template=Causal(size=5)),), unknown="skip"),),
