@@ -9,20 +9,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeAlias
 
 import arguments
+import efros_leung_windows
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from layout import Pixels, enlarged, framed, in_a_column, in_a_row, labelled, shown
 from PIL import Image
 
 import torchsynth as ts
 
-Pixels: TypeAlias = NDArray[np.float32]
-"""A picture to be shown: ``(height, width, 3)``, values in [0, 1]."""
-
-GAP = 8
 RECIPES = Path(__file__).parent.parent / "docs" / "recipes"
 
 
@@ -160,9 +156,61 @@ def fields() -> Pixels:
     return in_a_column(rows)
 
 
+def filling() -> Pixels:
+    """Samples, the same with two holes, and the holes filled by three recipes."""
+    recipes = (ts.recipes.coherent_fill(), ts.recipes.efros_leung(), ts.recipes.wei_levoy_fill())
+    hole, rows = disc_and_scratch(128), []
+    for name in ("brick", "grass", "gravel"):
+        sample = ts.read_image(f"sample:{name}")
+        outputs = [shown(ts.fill(sample, hole, recipe=recipe).image[0]) for recipe in recipes]
+        rows.append(in_a_row([shown(sample), shown(marked(sample, hole)), *outputs]))
+    heads = ("sample", "holes", *(recipe.name for recipe in recipes))
+    blank = np.ones((0, 128, 3), dtype=np.float32)
+    return in_a_column([in_a_row([labelled(blank, head) for head in heads]), *rows])
+
+
+def removal() -> Pixels:
+    """A ball on grass and a ring sprayed on a wall: pictures, what was marked, and what is left."""
+    pieces = []
+    for picture, region in (ball_on_grass(), sprayed_wall()):
+        cleaned = ts.fill(picture, region).image[0]
+        pieces += [shown(picture), shown(marked(picture, region)), shown(cleaned)]
+    return in_a_row(pieces)
+
+
+def extended() -> Pixels:
+    """Samples, and the same in the middle of more; the wall by two recipes."""
+    brick, pebbles = (ts.read_image(f"sample:{name}") for name in ("brick", "pebbles"))
+    wishes = (
+        (brick, ts.recipes.coherent_fill()),
+        (brick, ts.recipes.efros_leung()),
+        (pebbles, ts.recipes.coherent_fill()),
+    )
+    outputs = [shown(ts.extend(sample, (192, 192), recipe=recipe).image[0]) for sample, recipe in wishes]
+    return in_a_row([shown(brick), *outputs[:2], shown(pebbles), outputs[2]])
+
+
+def tiled() -> Pixels:
+    """Samples laid 2x2 as they are, and after a strip along their borders was made anew."""
+    pieces = []
+    for name in ("gravel", "grass"):
+        sample = ts.read_image(f"sample:{name}")
+        mended = ts.tile(sample, width=24).image[0]
+        pieces += [np.tile(shown(one), (2, 2, 1)) for one in (sample, mended)]
+    return in_a_row(pieces)
+
+
+def windows() -> Pixels:
+    """Rings, bricks and pebbles, and what grows from them with windows of four widths."""
+    part = (96, 96)
+    names = (efros_leung_windows.RINGS, "sample:brick", "sample:pebbles")
+    images = [efros_leung_windows.picture(name, part) for name in names]
+    return efros_leung_windows.figure(images, efros_leung_windows.WINDOWS, part)
+
+
 PICTURES: tuple[Callable[[], Pixels], ...] = (
     strip, larger, resolutions, algorithms, patches, tiles, seeds, transfer, levels, initial, target, fields,
-    region,
+    region, filling, removal, extended, tiled, windows,
 )  # fmt: skip
 
 
@@ -204,6 +252,40 @@ def source_colors(height: int, width: int) -> Pixels:
     return shown(torch.stack((right, down, 1 - (right + down) / 2)))
 
 
+def distances(side: int, row: float, column: float) -> torch.Tensor:
+    """How far each pixel of a square picture is from a place in it, in pixels."""
+    axis = torch.arange(float(side))
+    return torch.hypot(axis[:, None] - row, axis - column)
+
+
+def disc_and_scratch(side: int) -> torch.Tensor:
+    """Two holes in a square picture: a disc, and a thin line across."""
+    down, right = torch.meshgrid(torch.arange(side), torch.arange(side), indexing="ij")
+    scratch = ((down - right - 40).abs() < 3) & (right < 80)
+    return (distances(side, 44, 78) < 20) | scratch
+
+
+def marked(picture: torch.Tensor, region: torch.Tensor) -> torch.Tensor:
+    """The picture in gray or color with a region in magenta, which no sample has."""
+    return torch.where(region, as_color((1.0, 0.0, 1.0)), picture.expand(3, -1, -1))
+
+
+def ball_on_grass() -> tuple[torch.Tensor, torch.Tensor]:
+    """The grass sample with a red ball and its shadow on it, and where they are."""
+    grass = ts.read_image("sample:grass")
+    light = (1 - distances(128, 50, 54) / 40).clamp(0.25, 1)
+    ball, shadow = distances(128, 60, 62) < 20, distances(128, 74, 72) < 20
+    picture = torch.where(shadow, 0.4 * grass, grass).expand(3, -1, -1)
+    return torch.where(ball, light * as_color((0.95, 0.25, 0.2)), picture), ball | shadow
+
+
+def sprayed_wall() -> tuple[torch.Tensor, torch.Tensor]:
+    """The brick sample with a green ring painted on it, and where that is."""
+    brick = ts.read_image("sample:brick")
+    line = (distances(128, 64, 64) - 34).abs() < 5
+    return torch.where(line, 0.3 * brick + as_color((0.1, 0.5, 0.2)), brick), line
+
+
 def as_color(channels: Sequence[float]) -> torch.Tensor:
     """One color as a picture that fits any size."""
     return torch.tensor(channels).view(-1, 1, 1)
@@ -223,42 +305,10 @@ def ring(side: int) -> torch.Tensor:
     return (flat + 0.5 * noise).clamp(0, 1)
 
 
-def shown(image: torch.Tensor) -> Pixels:
-    """An image tensor, gray or RGB, as a picture."""
-    pixels: Pixels = image.expand(3, -1, -1).permute(1, 2, 0).to(torch.float32).numpy()
-    return pixels
-
-
-def enlarged(picture: Pixels, side: int) -> Pixels:
-    """The picture with each pixel as a square block, so that ``side`` is reached."""
-    return picture.repeat(side // len(picture), axis=0).repeat(side // picture.shape[1], axis=1)
-
-
-def framed(picture: Pixels, height: int, width: int) -> Pixels:
-    """The picture in the middle of a white one."""
-    frame = np.ones((height, width, 3), dtype=np.float32)
-    top, left = (height - picture.shape[0]) // 2, (width - picture.shape[1]) // 2
-    frame[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
-    return frame
-
-
-def in_a_row(pictures: Sequence[Pixels]) -> Pixels:
-    """Pictures side by side, at the same scale, on white."""
-    height = max(len(picture) for picture in pictures)
-    gap = np.ones((height, GAP, 3), dtype=np.float32)
-    pieces = [piece for one in pictures for piece in (gap, framed(one, height, one.shape[1]))]
-    return np.concatenate(pieces[1:], axis=1)
-
-
-def in_a_column(pictures: Sequence[Pixels]) -> Pixels:
-    """Pictures below each other, at the same scale, on white."""
-    return in_a_row([picture.swapaxes(0, 1) for picture in pictures]).swapaxes(0, 1)
-
-
 def save(picture: Pixels, path: Path) -> None:
     """Write a picture as JPEG."""
     pixels = (picture * 255).round().astype(np.uint8)
-    Image.fromarray(pixels).save(path, quality=84, subsampling=0, optimize=True)
+    Image.fromarray(pixels).save(path, quality=78, subsampling=0, optimize=True, progressive=True)
 
 
 def main() -> None:

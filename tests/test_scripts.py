@@ -117,6 +117,27 @@ def test_the_figures_of_tsvq(script, capsys):
     assert capsys.readouterr().out.count(".jpg") == len(module.PICTURES)
 
 
+def test_the_windows_of_efros_and_leung(script, picture, capsys):
+    given = ["--pictures", "rings", picture(12), "--windows", 3, 5, "--part", "10x11", "--size", "12x14"]
+    module = script("efros_leung_windows", *given, "--out", "made.png")
+    module.main()
+    made = pixels("made.png")
+    # Two rows of a picture and two outputs, with labels above and gaps between.
+    assert made.shape == (2 * (16 + 12) + 8, 11 + 2 * (8 + 14), 3)
+    image = module.picture("picture.png", (10, 11))
+    assert image.shape == (1, 10, 11)
+    grown = ts.synthesize(image, (12, 14), ts.recipes.efros_leung(window=5), seed=0).image[0, 0]
+    assert (made[-12:, -14:, 0] == (grown * 255).round().numpy()).all()
+    assert capsys.readouterr().out == "made.png\n"
+
+
+def test_rings_stay_apart(script):
+    drawn = script("efros_leung_windows").rings(64, 48)
+    assert drawn.shape == (1, 64, 48)
+    assert drawn.min() == 0
+    assert 0.5 < drawn.mean() < 0.9
+
+
 def test_lloyds_steps_of_the_figures_go_down(script):
     module = script("tsvq_figures")
     distortions = [step.distortion for step in module.lloyd(module.clusters())]
@@ -224,6 +245,22 @@ WRONG = [
     ("benchmark", ["--recipes", "none"], "none"),
     ("benchmark", ["--repeats", "0"], "must be at least 1, but it is 0"),
     ("benchmark", ["--out", "none/found.json"], "a folder that does not exist, none"),
+    ("efros_leung_windows", [], "--out"),
+    ("efros_leung_windows", ["--out", "made.txt"], "must end in .png or .jpg"),
+    ("efros_leung_windows", ["--out", "none/made.png"], "a folder that does not exist, none"),
+    (
+        "efros_leung_windows",
+        ["--out", "made.png", "--windows", "4"],
+        "must be odd, to have a middle, but it is 4",
+    ),
+    ("efros_leung_windows", ["--out", "made.png", "--windows", "1"], "must be at least 3, but it is 1"),
+    ("efros_leung_windows", ["--out", "made.png", "--size", "12"], "must be HxW"),
+    ("efros_leung_windows", ["--out", "made.png", "--pictures", "none.png"], "none.png"),
+    (
+        "efros_leung_windows",
+        ["--out", "made.png", "--pictures", "rings", "small.png"],
+        "windows: must fit into the middle of small.png, 16x16, but one has 23 pixels",
+    ),
     ("gallery", [], "--out"),
     ("gallery", ["--out", "taken"], "taken"),
     ("gallery", ["--out", "made", "--only", "none"], "invalid choice: 'none'"),
