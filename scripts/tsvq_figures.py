@@ -209,7 +209,7 @@ def main() -> None:
         options.out.mkdir(parents=True, exist_ok=True)
         for name, draw in PICTURES.items():
             path = options.out / f"{name}.jpg"
-            jpeg = {"quality": 78, "subsampling": 0, "optimize": True, "progressive": True}
+            jpeg = {"quality": 78, "subsampling": 2, "optimize": True, "progressive": True}
             draw().savefig(path, dpi=100, bbox_inches="tight", pad_inches=0.05, pil_kwargs=jpeg)
             print(path, f"{path.stat().st_size // 1000} kB", flush=True)
 
