@@ -93,7 +93,7 @@ def test_the_gallery_makes_the_pictures_of_the_readme(script, capsys):
     module.main()
     assert [path.name for path in Path("made").iterdir()] == ["levels.jpg"]
     made = pixels("made/levels.jpg")
-    assert made.shape == (192, 4 * 192 + 3 * module.GAP, 3)
+    assert made.shape == (192, 4 * 192 + 3 * script("layout").GAP, 3)
     # The texture is the same to the byte; encoders of JPEG differ a little.
     assert np.abs(made - pixels(PICTURES / "levels.jpg")).mean() < 1
     assert "levels.jpg" in capsys.readouterr().out
