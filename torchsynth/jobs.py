@@ -83,6 +83,8 @@ def run(
     order = Order.of(job, inputs)
     recipe = order.recipe
     _note_grays(inputs, note)
+    if job.completion.task != "synthesize" and files.output.suffix.lower() in (".jpg", ".jpeg") and note:
+        note("a .jpg changes every pixel a little, also where the picture was to stay; .png and .tif do not")
     checks.check_seeds(job.seeds, None)
     check_storable(files.output, len(order.picture.image), order.size)
     targets = [_targets(files, number, recipe.levels) for number in _numbers(job)]

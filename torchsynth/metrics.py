@@ -54,7 +54,7 @@ def edge_ratio(image: Tensor, hole: Tensor) -> Tensor:
         >>> import torch
         >>> image = torch.tensor([[[0.0, 0.2, 0.8, 0.6]]])
         >>> edge_ratio(image, torch.tensor([[False, False, True, True]]))
-        tensor([3.0000])
+        tensor([3.])
     """
     batch = image if image.ndim == 4 else image.unsqueeze(0)
     across, known = [], []
