@@ -32,7 +32,7 @@ from torchsynth.search import TSVQ, Exhaustive, Query, Search, Tree, chance, dra
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
 # enough to bound memory and to report progress often.
 GROUP = 8192
-_GROUP_VALUES = 2**19
+_GROUP_VALUES = 2**17
 _SMALLEST_GROUP = 256
 
 
@@ -41,7 +41,7 @@ def group_size(outputs: int, features: int) -> int:
 
     Example:
         >>> group_size(1, 13), group_size(8, 65), group_size(1, 10_000)
-        (8192, 1008, 256)
+        (8192, 256, 256)
     """
     return min(GROUP, max(_SMALLEST_GROUP, _GROUP_VALUES // (outputs * features)))
 
