@@ -7,6 +7,7 @@ import torch
 
 import torchsynth as ts
 from torchsynth import metrics, samples
+from torchsynth.checks import check_place
 from torchsynth.completion import plan_filling, plan_tiling
 
 FILLING = {
@@ -289,3 +290,78 @@ def test_separate_channels_are_pictures_of_their_own(make_exemplar):
         result.transfer(exemplar)
     with pytest.raises(ValueError, match="seams are those of all channels together"):
         apart.changed(blur_seams=3)
+
+
+@pytest.mark.parametrize("trial", range(6))
+def test_outputs_part_company_in_the_middle_of_a_layer(trial):
+    """Few colors and a strict error: outputs refuse the same pixel first, and others in the same layer."""
+    generator = torch.Generator().manual_seed(trial)
+    image = torch.randint(0, 3, (1, 11, 12), generator=generator) / 2
+    hole = torch.zeros(11, 12, dtype=torch.bool)
+    hole[2:8, 3:9] = True
+    recipe = ts.recipes.efros_leung(window=3, max_error=0.02, growth=1.6, epsilon=0.4)
+    told = []
+    together = ts.fill(
+        image, hole, recipe=recipe, seed=[0, 1, 2], progress=lambda *one: told.append(one[2:4])
+    )
+    for seed in range(3):
+        alone = ts.fill(image, hole, recipe=recipe, seed=seed)
+        assert together.image[seed].equal(alone.image[0])
+        assert together.source[seed].equal(alone.source[0])
+        assert together.cost[seed].equal(alone.cost[0])
+    assert told[-1] == (36, 36)
+
+
+def test_pictures_of_a_batch_may_have_different_usual_levels(make_exemplar):
+    images = torch.stack([make_exemplar(1, 40, 40, seed=seed) for seed in (1, 2)])
+    holes = torch.zeros(2, 40, 40, dtype=torch.bool)
+    holes[0, 10:13, 10:13] = True
+    holes[1, 14:] = True
+    result = ts.fill(images, holes, seed=[3, 4])
+    assert len(result.levels) == 1
+    for number, seed in enumerate((3, 4)):
+        assert ts.fill(images[number], holes[number], seed=seed).image[0].equal(result.image[number])
+
+
+def test_tiling_takes_a_hole_for_each_picture(make_exemplar):
+    images = torch.stack([make_exemplar(1, 24, 24, seed=seed) for seed in (1, 2)])
+    holes = torch.zeros(2, 24, 24, dtype=torch.bool)
+    holes[0, 8:10, 8:10] = True
+    holes[1, 12:15, 12:15] = True
+    result = ts.tile(images, width=4, hole=holes, seed=[3, 4])
+    for number, seed in enumerate((3, 4)):
+        alone = ts.tile(images[number], width=4, hole=holes[number], seed=seed)
+        assert alone.image[0].equal(result.image[number])
+
+
+def test_progress_is_told_often(make_exemplar, monkeypatch):
+    monkeypatch.setattr("torchsynth.sweep.GROUP", 20)
+    told = []
+    recipe = ts.recipes.wei_levoy(levels=1, neighborhood=3)
+    ts.synthesize(make_exemplar(1, 12, 12), (20, 20), recipe, progress=lambda *one: told.append(one[2]))
+    assert len(told) > 15
+
+
+def test_extremes(make_exemplar):
+    image = make_exemplar(1, 64, 64, seed=1)
+    hole = torch.zeros(64, 64, dtype=torch.bool)
+    hole[30:33, 30:33] = True
+    anything = ts.recipes.efros_leung(epsilon=1e33, window=5)
+    assert ts.fill(image, hole, recipe=anything).source.min() >= 0
+    everywhere = ts.fill(image, hole, within=10**12, seed=2)
+    assert everywhere.image.equal(ts.fill(image, hole, seed=2).image)
+    assert ts.extend(image, (75, 64)).image[0, :, 4:68].equal(image)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: ts.extend(IMAGE, (10**6, 10**6)), "size: must fit the .* of memory of this machine"),
+        (lambda: check_place((1.5, 2), "at"), "at: must be a row and a column, two whole numbers"),
+        (lambda: check_place("ab", "at"), "at: must be a row and a column, two whole numbers"),
+        (lambda: ts.fill(IMAGE, SOME, exemplar=IMAGE[None]), "exemplar: must be one picture"),
+    ],
+)
+def test_what_is_refused_at_once(call, message):
+    with pytest.raises(ts.InputError, match=message):
+        call()

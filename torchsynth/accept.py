@@ -132,7 +132,8 @@ class WithinTolerance(Part):
         smallest = flat.amin((1, 2)).double() + common
         # Differences are whole numbers, so the limit may be rounded down to one.
         limit = ((1.0 + self.epsilon) * smallest).floor() - common
-        inside = flat <= limit.to(flat.dtype).view(-1, 1, 1)
+        # Infinite costs stand for no candidate, and stay outside of any limit.
+        inside = flat <= limit.clamp(max=torch.finfo(flat.dtype).max).to(flat.dtype).view(-1, 1, 1)
         chances: Tensor = inside
         if self.pick == "distance":
             distances = flat.double() + common.view(-1, 1, 1)

@@ -131,6 +131,22 @@ def check_hole(hole: object, picture: Tensor | None, subject: str = "hole") -> N
         )  # fmt: skip
 
 
+def check_place(place: object, subject: str) -> None:
+    """A place is a pair of whole numbers, row and column.
+
+    Raises:
+        InputError: If it is not.
+
+    Example:
+        >>> check_place((0, -3), "at")
+    """
+    if not isinstance(place, tuple | list) or len(place) != 2 or not all(map(_is_whole, place)):
+        raise InputError(
+            subject, "must be a row and a column, two whole numbers", f"it is {shortened(place)}",
+            "write e.g. (0, 64)",
+        )  # fmt: skip
+
+
 def check_positive(number: object, subject: str) -> None:
     """A number of pixels is a whole number from 1.
 

@@ -111,7 +111,7 @@ def extend(
         typer.Option(
             metavar="ROW,COLUMN",
             help="Where the picture goes in the result, e.g. 0,0 to extend it only to the right and below. "
-            "Default: in the middle.",
+            "Default: in the middle, give or take 3 pixels.",
             show_default=False,
         ),
     ] = None,
@@ -136,7 +136,7 @@ def extend(
         size=jobs.parse_size(size) if size is not None else jobs.size_larger_by(image, by or 0),
         seeds=seeds_from(seed, count),
         valid=sample_from,
-        completion=Completion(task="extend", at=None if at is None else _parse_place(at)),
+        completion=Completion(task="extend", at=_place(at, by)),
     )
     run(job, jobs.Files(output, levels_dir, source_map, overwrite, figures(figure or ())))
 
@@ -185,6 +185,13 @@ def _recipe(name: str | None, file: Config, changes: list[str] | None) -> Recipe
     if name is None and file is None and not changes:
         return None
     return chosen(name, file, changes, "coherent_fill")
+
+
+def _place(at: str | None, by: int | None) -> Shape | None:
+    """Where the picture goes: where it was asked for, or so far from all sides; None leaves it open."""
+    if at is not None:
+        return _parse_place(at)
+    return None if by is None else (by, by)
 
 
 def _parse_place(text: str) -> Shape:

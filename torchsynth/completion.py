@@ -13,7 +13,7 @@ from torchsynth import checks
 from torchsynth.controls import Controls
 from torchsynth.errors import ConfigError, InputError
 from torchsynth.exemplar import Exemplar
-from torchsynth.feasibility import check_candidates, check_growing
+from torchsynth.feasibility import check_candidates, check_growing, check_memory
 from torchsynth.lattice import Boundary, Shape
 from torchsynth.morphology import grown
 from torchsynth.pyramid import border_of, whole_regions
@@ -24,6 +24,9 @@ from torchsynth.synthesis import Progress, exemplar_planes, synthesize
 
 # A strip along the border is this share of the shorter side, if nothing else is asked for.
 _STRIP = 8
+
+# Pixels coincide with those of so many levels: all that the usual recipe has.
+_ALIGNMENT = 2 ** (coherent_fill().levels - 1)
 
 
 @dataclass(frozen=True)
@@ -113,10 +116,16 @@ def plan_filling(
         ((8, 8), (0, 0))
     """
     checks.check_image(image, "image")
+    checks.check_type(hole, Tensor, "hole", "pass a boolean tensor (H, W)")
     checks.check_hole(hole, image)
     shape = _shape(image)
     if exemplar is not None:
         checks.check_image(exemplar, "exemplar")
+        if exemplar.ndim == 4:
+            raise InputError(
+                "exemplar", "must be one picture (C, H, W)", f"its shape is {tuple(exemplar.shape)}",
+                "fill with one exemplar at a time",
+            )  # fmt: skip
         if exemplar.shape[-3] != image.shape[-3]:
             raise InputError(
                 "exemplar", f"must have the picture's {image.shape[-3]} channel(s)",
@@ -231,7 +240,10 @@ def plan_extension(
             "size", f"must be larger than the picture's, {shape[0]}x{shape[1]}", f"it is {size[0]}x{size[1]}",
             "ask for more, or crop the result",
         )  # fmt: skip
-    top, left = (spare[0] // 2, spare[1] // 2) if at is None else at
+    check_memory(coherent_fill(levels=1), image.view(-1, *image.shape[-3:]), size, 1)
+    if at is not None:
+        checks.check_place(at, "at")
+    top, left = (_aligned(one // 2) for one in spare) if at is None else at
     if not (0 <= top <= spare[0] and 0 <= left <= spare[1]):
         raise InputError(
             "at", f"must leave the picture inside: from (0, 0) to {spare}", f"it is {(top, left)}",
@@ -260,7 +272,8 @@ def extend(
     Args:
         image: ``(C, H, W)``, or ``(B, C, H, W)`` for several pictures; values in [0, 1].
         size: Height and width of the result; neither may be smaller than the picture's.
-        at: Row and column of the result where the picture's first pixel goes; None puts it in the middle.
+        at: Row and column of the result where the picture's first pixel goes; None puts it in the middle, or
+            up to three pixels above and left of it, where the pixels of coarser levels coincide.
         recipe: As for :func:`fill`.
         valid: ``(H, W)``, where the picture may be sampled; None means everywhere.
         seed: As for :func:`fill`.
@@ -337,7 +350,7 @@ def tile(
         image: ``(C, H, W)``, or ``(B, C, H, W)`` for several pictures; values in [0, 1].
         width: Width of the strip in pixels, half of it at each of two opposite borders; None means an
             eighth of the shorter side. Visible effect: a wider strip leaves more room to join the two sides.
-        hole: ``(H, W)``, True where the picture is to be filled as well.
+        hole: ``(H, W)`` or ``(B, H, W)``, True where the picture is to be filled as well.
         recipe: As for :func:`fill`.
         seed: As for :func:`fill`.
         progress: See :data:`torchsynth.synthesis.Progress`.
@@ -362,8 +375,27 @@ def tile(
     if image.ndim == 3:
         return plan_tiling(image, width, hole).run(recipe, seed, progress)
     seeds = checks.check_seeds(seed, len(image))
-    plans = [plan_tiling(one, width, hole) for one in image]
+    plans = [
+        plan_tiling(*one) for one in zip(image, [width] * len(image), _each(hole, len(image)), strict=True)
+    ]
     return Result.joined([plan.run(recipe, one, progress) for plan, one in zip(plans, seeds, strict=True)])
+
+
+def _each(hole: Tensor | None, pictures: int) -> Sequence[Tensor | None]:
+    """The hole of each picture, where there may be one for all of them."""
+    if not isinstance(hole, Tensor) or hole.ndim != 3:
+        return [hole] * pictures
+    if len(hole) != pictures:
+        raise InputError(
+            "hole", f"must be one for all, or one for each of the {pictures} pictures",
+            f"there are {len(hole)}", "pass (H, W) or (B, H, W)",
+        )  # fmt: skip
+    return list(hole)
+
+
+def _aligned(offset: int) -> int:
+    """An offset at which coarser levels coincide, if that is not to move the picture to the border."""
+    return offset // _ALIGNMENT * _ALIGNMENT or offset
 
 
 def _shape(image: Tensor) -> Shape:

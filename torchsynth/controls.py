@@ -37,7 +37,8 @@ class Controls:
 
     Raises:
         InputError: If a picture has another rank, dtype or range; if the hole is not boolean, nowhere or
-            everywhere True, of another size than the picture, or without one; if the region is not boolean or
+            everywhere True, of another size than the picture, or without one; if ``exemplar_at`` is no pair
+            of whole numbers, or comes without a hole; if the region is not boolean or
             nowhere True, or comes without a target; if an angle is not finite, or a scale not from
             1/16 to 16.
 
@@ -68,6 +69,8 @@ class Controls:
                 "there is no hole",
                 "pass the hole, too",
             )
+        if self.exemplar_at is not None:
+            checks.check_place(self.exemplar_at, "exemplar_at")
         checks.check_target_region(self.target_region, self.target)
         checks.check_field(self.angle, "angle", None)
         checks.check_field(self.scale, "scale", (1 / 16, 16.0))

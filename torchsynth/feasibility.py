@@ -244,7 +244,7 @@ def _no_candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int)
     if bool(candidates(layers, open_planes, level).any()):
         return InputError(
             "what may be sampled", f"must hold at least one whole neighborhood at level {level}",
-            "none lies inside it", "mark a larger region (or a smaller hole), or use fewer levels or a smaller neighborhood",
+            "none lies inside it", "mark a larger region or a smaller hole, sample farther from it, or use fewer levels or a smaller neighborhood",
         )  # fmt: skip
     templates = " + ".join(f"{layer.template.size}x{layer.template.size} {layer.plane}" for layer in layers)
     fewer = f"levels <= {level}, " if level else ""

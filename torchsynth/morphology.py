@@ -16,6 +16,7 @@ def grown(region: Region, pixels: int) -> Region:
         >>> grown(region, 1).tolist()
         [[False, False, True, True, True]]
     """
+    pixels = min(pixels, max(region.shape))  # farther than the picture is large, there is nothing
     picture = region.to(torch.float32)[None, None]
     for axis in (2, 3):  # a square is a column and a row: far fewer comparisons
         shape = [1, 1]

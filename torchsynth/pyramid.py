@@ -86,9 +86,11 @@ def whole_regions(region: Region, levels: int, border: Border) -> tuple[Region, 
     """
     regions = [region]
     for _ in range(levels - 1):
-        share = gaussian_pyramid(regions[-1].double()[None, None], 2, border)[1]
-        # One pixel outside takes away 2**-10 of a blend, or a little more where a side is odd.
-        regions.append(share[0, 0] > 1 - 2**-12)
+        one = regions[-1].double()[None, None]
+        share = gaussian_pyramid(one, 2, border)[1]
+        whole = gaussian_pyramid(torch.ones_like(one), 2, border)[1]
+        # A pixel outside takes away 2**-10 of a blend, or less, about that by the side, where a side is odd.
+        regions.append((share > whole - 2**-22)[0, 0])
     return tuple(regions)
 
 

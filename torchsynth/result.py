@@ -63,7 +63,9 @@ class Result:
 
     @classmethod
     def joined(cls, results: Sequence[Result]) -> Result:
-        """Several results of one recipe and size as one, in their order.
+        """Several results of one size as one, in their order, with the levels that all of them have.
+
+        The recipe is the first one's.
 
         Example:
             >>> import torch, torchsynth as ts
@@ -75,7 +77,7 @@ class Result:
         names = [one.name for one in fields(Level)]
         levels = [
             Level(*(torch.cat([getattr(level, name) for level in alike]) for name in names))
-            for alike in zip(*(result.levels for result in results), strict=True)
+            for alike in zip(*(result.levels for result in results), strict=False)
         ]
         seeds = tuple(seed for result in results for seed in result.seeds)
         return cls(tuple(levels), results[0].recipe, seeds, results[0].distorted)

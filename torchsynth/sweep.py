@@ -208,12 +208,15 @@ class _Visits:
         while (stage := course.next_stage()) is not None:
             sites = stage.sites.to(self.draws.device)
             kept = [tensor[:, sites] for tensor in self._written()] if divisible else []
+            known = self.canvas.known.clone() if divisible else None
             if self._visit(stage, course):
                 before = course.copy() if divisible else course
                 continue
             # One output refuses what another takes. From here on each goes its own way.
             for tensor, value in zip(self._written(), kept, strict=True):
                 tensor[:, sites] = value
+            if known is not None:
+                self.canvas.known.copy_(known)
             for number in range(len(self.canvas.source)):
                 self._sample(number).run(before.copy())
             self.canvas.known[:-1] = True
@@ -253,8 +256,9 @@ class _Visits:
                 batches = stage.among(left) if len(rest) > 0 else None
             course.fill(sites)
             self.canvas.known[sites.to(self.draws.device)] = True
-            self.advance(len(sites))
             filled += len(sites)
+        if self.fitted.sweep.accept.refuses:
+            self.advance(filled)
         if (
             filled == 0
             and course.largest is not None
@@ -295,6 +299,8 @@ class _Visits:
             canvas.write_cost(group_sites[: cost.shape[1]], gathered.distance(cost, fitted.weights))
             if refused is not None:
                 return visited, refused
+            if not fitted.sweep.accept.refuses:  # what may be undone is told when it will not be
+                self.advance(len(group_sites))
         return visited, None
 
     def _match(self, sites: Sites, query: Query, blind: Tensor | None, course: Course) -> _Visited:

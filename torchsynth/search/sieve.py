@@ -69,6 +69,7 @@ class Sieve(NamedTuple):
         limit = (1.0 + query.tolerance) * best - common + error
         # Rounded up: the comparison is in float32.
         bound = torch.nextafter(limit.float(), torch.full_like(limit, torch.inf).float())
+        bound = bound.clamp(max=torch.finfo(bound.dtype).max)  # infinite costs stand for no candidate
         asking, found = (flat <= bound.unsqueeze(2)).flatten(0, 1).nonzero().unbind(1)
         cost = _exact(index, query, asking, found)
         return _packed(cost, asking, found, flat.shape[0], flat.shape[1])
