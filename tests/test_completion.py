@@ -77,10 +77,9 @@ def test_exemplars_of_their_own_may_refuse_different_pixels(make_exemplar):
 
 def test_a_hole_from_one_pixel_to_half_the_picture(make_exemplar):
     image = make_exemplar(1, 32, 32, seed=3)
-    for hole in (torch.zeros(32, 32, dtype=torch.bool), torch.zeros(32, 32, dtype=torch.bool)):
-        hole[10, 11] = True
-        result = ts.fill(image, hole)
-        assert result.image[0][:, ~hole].equal(image[:, ~hole])
+    hole = torch.zeros(32, 32, dtype=torch.bool)
+    hole[10, 11] = True
+    assert ts.fill(image, hole).image[0][:, ~hole].equal(image[:, ~hole])
     hole[:, 16:] = True
     assert ts.fill(image, hole).image[0][:, ~hole].equal(image[:, ~hole])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from pydantic import ValidationError
@@ -209,13 +210,10 @@ def fill(
     if image.ndim == 3:
         return plan_filling(image, hole, exemplar, valid, within).run(recipe, seed, progress)
     seeds = checks.check_seeds(seed, len(image))
-    holes = hole if isinstance(hole, Tensor) and hole.ndim == 3 else [hole] * len(image)
-    if len(holes) != len(image):
-        raise InputError(
-            "hole", f"must be one for all, or one for each of the {len(image)} pictures",
-            f"there are {len(holes)}", "pass (H, W) or (B, H, W)",
-        )  # fmt: skip
-    plans = [plan_filling(*one, exemplar, valid, within) for one in zip(image, holes, strict=True)]
+    plans = [
+        plan_filling(*one, exemplar, valid, within)
+        for one in zip(image, _each(hole, len(image)), strict=True)
+    ]
     return Result.joined([plan.run(recipe, one, progress) for plan, one in zip(plans, seeds, strict=True)])
 
 
@@ -381,7 +379,7 @@ def tile(
     return Result.joined([plan.run(recipe, one, progress) for plan, one in zip(plans, seeds, strict=True)])
 
 
-def _each(hole: Tensor | None, pictures: int) -> Sequence[Tensor | None]:
+def _each(hole: Tensor | None, pictures: int) -> Sequence[Any]:
     """The hole of each picture, where there may be one for all of them."""
     if not isinstance(hole, Tensor) or hole.ndim != 3:
         return [hole] * pictures
