@@ -35,10 +35,11 @@ from rich.console import Console
 from rich.table import Table
 
 import torchsynth as ts
+from torchsynth.exemplar_levels import ExemplarLevels
 from torchsynth.feasibility import matching_dtype
 from torchsynth.index import candidates
 from torchsynth.lattice import Shape
-from torchsynth.neighborhood import Plane, layers_at, quantize
+from torchsynth.neighborhood import layers_at
 from torchsynth.pyramid import level_shapes
 
 QUERIES = 512
@@ -88,9 +89,8 @@ def measure(case: Case) -> dict[str, float]:
 
 def floor(exemplar: torch.Tensor, recipe: ts.Recipe, size: Shape, batch: int) -> float:
     """Seconds that the multiply-adds of an exhaustive synthesis take as bare matrix products."""
-    images = ts.Exemplar(exemplar).images(recipe.levels)
     dtype = matching_dtype(recipe, len(exemplar))
-    planes = [Plane(quantize(image, dtype), (image.shape[2], image.shape[3]), "open") for image in images]
+    planes = ExemplarLevels.of(ts.Exemplar(exemplar), recipe, dtype).planes
     total = 0.0
     for level, (height, width) in enumerate(level_shapes(size, recipe.levels)):
         for sweep in recipe.sweeps_at(level):

@@ -60,6 +60,7 @@ from torchsynth.lattice import Shape, to_cells
 from torchsynth.neighborhood import (
     Layer,
     Plane,
+    Planes,
     feature_positions,
     gather,
     layer_weights,
@@ -160,7 +161,7 @@ def level_of(result: ts.Result, level: int, count: int, *, anywhere: bool = Fals
     """
     recipe = result.recipe
     dtype = matching_dtype(ts.recipes.wei_levoy_tsvq(), result.image.shape[1])
-    exemplar = [_exemplar_plane(one.exemplar, dtype) for one in result.levels]
+    exemplar = Planes(tuple(_exemplar_plane(one.exemplar, dtype) for one in result.levels))
     output = [output_plane(one.image, dtype, recipe.boundary) for one in result.levels]
     sweep = recipe.sweeps_at(level)[0]
     layers = layers_at(sweep.layers, level, recipe.levels)

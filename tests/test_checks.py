@@ -11,7 +11,7 @@ import pytest
 import torch
 
 import torchsynth as ts
-from torchsynth import checks, feasibility
+from torchsynth import checks, memory
 from torchsynth.recipes import wei_levoy, wei_levoy_single
 
 TINY = wei_levoy_single(neighborhood=3)
@@ -149,17 +149,17 @@ def test_a_region_that_is_too_small_is_told(make_exemplar):
 
 
 def test_outputs_are_made_together_as_far_as_memory_goes(monkeypatch, make_exemplar):
-    samples = make_exemplar()[None]
-    three = feasibility.memory_needed(TINY, samples, (500, 500), 3)
-    monkeypatch.setattr(feasibility, "_machine_memory", lambda: three)
-    assert feasibility.outputs_that_fit(TINY, samples, (500, 500), 8) == 3
-    assert feasibility.outputs_that_fit(TINY, samples, (500, 500), 2) == 2
-    assert feasibility.outputs_that_fit(TINY, samples, (5000, 5000), 8) == 1
+    samples = ts.Exemplar(make_exemplar())
+    three = memory.memory_needed(TINY, samples, (500, 500), 3)
+    monkeypatch.setattr(memory, "_machine_memory", lambda: three)
+    assert memory.outputs_that_fit(TINY, samples, (500, 500), 8) == 3
+    assert memory.outputs_that_fit(TINY, samples, (500, 500), 2) == 2
+    assert memory.outputs_that_fit(TINY, samples, (5000, 5000), 8) == 1
 
 
 def test_memory_is_assumed_where_the_system_does_not_say(monkeypatch):
     monkeypatch.delattr("os.sysconf")
-    assert feasibility._machine_memory() == 16 * 2**30
+    assert memory._machine_memory() == 16 * 2**30
 
 
 @pytest.mark.parametrize(

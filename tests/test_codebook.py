@@ -16,7 +16,7 @@ import safetensors.torch
 import torch
 
 import torchsynth as ts
-from torchsynth import feasibility
+from torchsynth import memory
 from torchsynth.cli import main
 from torchsynth.codebook import PackedTree, trainings
 from torchsynth.progress import training_bar
@@ -214,7 +214,7 @@ def test_training_is_checked_before_it_starts(exemplar, monkeypatch):
         ts.train(exemplar[:, :6, :6], RECIPE)
     with pytest.raises(ts.InputError, match=r"codebook: must be a Codebook, but it is 'book.safetensors'"):
         inspect.unwrap(ts.synthesize)(exemplar, (4, 4), RECIPE, codebook="book.safetensors")
-    monkeypatch.setattr(feasibility, "_machine_memory", lambda: 2**20)
+    monkeypatch.setattr(memory, "_machine_memory", lambda: 2**20)
     with pytest.raises(ts.InputError, match=r"exemplar: training on it must fit the 0.0 GiB of memory"):
         ts.train(exemplar, RECIPE)
 

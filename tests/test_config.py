@@ -179,9 +179,9 @@ def test_a_picture_is_no_recipe(tmp_path):
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ("wei_levi", "wei_levi: must be one of the recipes ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
+        ("wei_levi", "wei_levi: must be one of the recipes analogy, ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, improved_wl, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
                      "there is no such recipe; did you mean 'wei_levoy'?"),
-        ("fractal", "there is no such recipe; choose from: ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq"),
+        ("fractal", "there is no such recipe; choose from: analogy, ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, improved_wl, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq"),
         ("nothing.yaml", "nothing.yaml: must be a readable file, but the system says: no such file"),
     ],
 )  # fmt: skip
@@ -200,9 +200,10 @@ OVERRIDES = {
     "sweeps[1].levels=[0]": "the path must exist in the recipe, but there is no 'sweeps[1]'; look the path up",
     "sweeps.levels=[0]": "there is no 'sweeps.levels'",
     "levels[0]=1": "there is no 'levels[0]'",
-    "levels=four": "wei_levoy: 'levels': input should be a valid integer, but it is \"four\"",
-    "levels=": "'levels': input should be a valid integer, but it is null",
-    "levels=2020-01-01": "must hold plain numbers, texts and lists, but Object of type date",
+    "levels=four": 'wei_levoy: levels=four: must suit the recipe: input should be a valid integer, but it is "four"',
+    "levels=": "wei_levoy: levels=: must suit the recipe: input should be a valid integer, but it is null",
+    "levels=2020-01-01": 'input should be a valid integer, but it is "2020-01-01"',
+    "sweeps[0].rows=2020-01-01": "must hold plain numbers, texts and lists, but Object of type date",
     "sweeps[0].serach={}": "'sweeps[0].serach' must be a known field",
     "sweeps[0].layers[0].template.size=8": "a side must be odd, but 8 is even",
 }

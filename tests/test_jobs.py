@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import torchsynth as ts
-from torchsynth import feasibility
+from torchsynth import memory
 from torchsynth.jobs import Files, parse_size, run
 from torchsynth.recipes import wei_levoy, wei_levoy_single
 from torchsynth.records import Job, load_record
@@ -63,10 +63,8 @@ def test_little_memory_changes_nothing_but_the_grouping(tmp_path, exemplar, monk
 
     run(job, Files(tmp_path / "a.png", None, None, True), watch)
     assert set(calls) == {3}
-    samples = ts.read_image(exemplar)[None]
-    monkeypatch.setattr(
-        feasibility, "_machine_memory", lambda: feasibility.memory_needed(TINY, samples, (6, 6), 1)
-    )
+    sample = ts.Exemplar(ts.read_image(exemplar))
+    monkeypatch.setattr(memory, "_machine_memory", lambda: memory.memory_needed(TINY, sample, (6, 6), 1))
     calls.clear()
     run(job, Files(tmp_path / "b.png", None, None, True), watch)
     assert set(calls) == {1}

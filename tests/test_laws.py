@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import torchsynth as ts
 from torchsynth.neighborhood import Layer
+from torchsynth.recipes.building import causal_layers
 from torchsynth.schedule import Scanline, Shuffle, Simultaneous
 from torchsynth.sweep import Sweep
 from torchsynth.template import Causal, Square
@@ -23,6 +24,11 @@ def _recipe(order, boundary="torus", levels=2, templates=None, normalize=False):
     return ts.Recipe(
         levels=levels, boundary=boundary, sweeps=(Sweep(layers=layers, order=order, normalize=normalize),)
     )
+
+
+def _preferring(kappa):
+    search = ts.PreferCoherent(template=Causal(size=5), kappa=kappa)
+    return ts.Recipe(levels=2, sweeps=(Sweep(layers=causal_layers(5, 3), search=search),))
 
 
 RECIPES = {
@@ -50,6 +56,9 @@ RECIPES = {
     "efros_leung waiting": ts.recipes.efros_leung(
         window=5, pick="distance", max_error=0.02, growth=3.0, boundary="torus"
     ),
+    "improved_wl": ts.recipes.improved_wl(levels=2, neighborhood=3, parent=3, size=3),
+    "improved_wl W N": ts.recipes.improved_wl(morphology=False, levels=2, neighborhood=5, parent=3),
+    "prefer coherent": _preferring(2.0),
     "wei_levoy skipping": ts.Recipe(
         levels=1,
         sweeps=(ts.Sweep(layers=(Layer(plane="result", template=Causal(size=5)),), unknown="skip"),),

@@ -15,7 +15,7 @@ import json, os, resource, sys
 import torch
 torch.set_num_threads(1)
 import torchsynth as ts
-from torchsynth import feasibility
+from torchsynth import memory
 from torchsynth.search import base
 
 def peak():
@@ -30,7 +30,7 @@ def measure(recipe, channels, side, out, budget):
     recipe = getattr(ts.recipes, recipe)()
     filling = recipe.name.endswith("fill") or recipe.name == "efros_leung"
     size = (side, side) if filling else (out, out)
-    needed = feasibility.memory_needed(recipe, image[None], size, 1)
+    needed = memory.memory_needed(recipe, ts.Exemplar(image), size, 1)
     before = peak()
     ts.fill(image, hole, recipe=recipe) if filling else ts.synthesize(image, size, recipe)
     return needed, peak() - before

@@ -13,6 +13,7 @@ from torchsynth.lattice import to_cells
 from torchsynth.neighborhood import (
     Layer,
     Plane,
+    Planes,
     feature_positions,
     gather,
     layer_weights,
@@ -61,7 +62,7 @@ def test_impossible_parts_are_refused(make, message):
 def test_unfolding_equals_reading_pixel_by_pixel(template, height, width, channels):
     layer = Layer(plane="result", template=template)
     plane = _plane(channels, height, width)
-    index = Index.of((layer,), (1,), (plane,), 0)
+    index = Index.of((layer,), (1,), Planes((plane,)), 0)
     offsets = template.offsets().tolist()
     inside = [
         (row, column)
@@ -83,7 +84,7 @@ def test_both_sides_agree_where_the_output_is_the_exemplar():
         Layer(plane="coarse", template=Square(size=3), up=2),
     )
     planes = [_plane(2, 24, 28, seed=1), _plane(2, 12, 14, seed=2), _plane(2, 6, 7, seed=3)]
-    index = Index.of(layers, (1, 1, 1), planes, 0)
+    index = Index.of(layers, (1, 1, 1), Planes(tuple(planes)), 0)
     cells = to_cells(index.sites, 28)
     for boundary in ("open", "torus"):
         output = [Plane(plane.values, plane.shape, boundary) for plane in planes]
@@ -97,7 +98,7 @@ def test_both_sides_agree_where_the_output_is_the_exemplar():
 
 def test_parents_of_odd_levels_may_be_missing():
     layer = Layer(plane="coarse", template=Square(size=1))
-    usable = candidates((layer,), (_plane(1, 5, 7), _plane(1, 2, 3)), 0)
+    usable = candidates((layer,), Planes((_plane(1, 5, 7), _plane(1, 2, 3))), 0)
     assert usable.sum() == 4 * 6
     assert not usable[4].any()
     assert not usable[:, 6].any()
@@ -107,16 +108,16 @@ def test_invalid_pixels_keep_whole_neighborhoods_away():
     valid = torch.ones(9, 9, dtype=torch.bool)
     valid[4, 4] = False
     layer = Layer(plane="result", template=Causal(size=3))
-    usable = candidates((layer,), (_plane(1, 9, 9, valid=valid),), 0)
+    usable = candidates((layer,), Planes((_plane(1, 9, 9, valid=valid),)), 0)
     blocked = [(4, 4), (4, 5), (5, 3), (5, 4), (5, 5)]
-    everywhere = candidates((layer,), (_plane(1, 9, 9),), 0)
+    everywhere = candidates((layer,), Planes((_plane(1, 9, 9),)), 0)
     assert [tuple(cell) for cell in (everywhere & ~usable).nonzero().tolist()] == blocked
 
 
 def test_a_template_larger_than_the_plane_has_no_candidates():
     layer = Layer(plane="result", template=Causal(size=9))
-    assert not candidates((layer,), (_plane(1, 4, 12),), 0).any()
-    assert not candidates((layer,), (_plane(1, 12, 8),), 0).any()
+    assert not candidates((layer,), Planes((_plane(1, 4, 12),)), 0).any()
+    assert not candidates((layer,), Planes((_plane(1, 12, 8),)), 0).any()
 
 
 def test_layers_above_the_coarsest_level_are_left_out():

@@ -11,7 +11,7 @@ import torchsynth as ts
 from torchsynth.accept import Best, WithinTolerance, first_minimum
 from torchsynth.index import Index
 from torchsynth.initial import SeedPatch
-from torchsynth.neighborhood import Plane
+from torchsynth.neighborhood import Plane, Planes
 from torchsynth.schedule import OnionPeel
 from torchsynth.search import Exhaustive, Query
 
@@ -134,7 +134,7 @@ def test_tables_are_kept_only_within_the_budget(monkeypatch, search, complete):
 
 def test_continuations_beyond_what_is_compared_never_reach_around():
     plane = Plane(torch.zeros(1, 9 * 8, 1), (9, 8), "open")
-    index = Index.of((_square(),), (1,), (plane,), 0)
+    index = Index.of((_square(),), (1,), Planes((plane,)), 0)
     state = FARTHER.fit(index, complete=True)
     rank = {site: number for number, site in enumerate(index.sites.tolist())}
     for source in range(-1, 9 * 8):

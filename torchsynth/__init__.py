@@ -14,6 +14,7 @@ from torchsynth import field as field
 from torchsynth import metrics as metrics
 from torchsynth import recipes as recipes
 from torchsynth.accept import Best, WithinTolerance
+from torchsynth.analogy import analogy
 from torchsynth.codebook import Codebook
 from torchsynth.completion import extend, fill, tile
 from torchsynth.config import dump_recipe, load_recipe
@@ -23,10 +24,10 @@ from torchsynth.exemplar import Exemplar
 from torchsynth.initial import Noise, RandomSource, SeedPatch
 from torchsynth.io import read_image, write_image
 from torchsynth.neighborhood import Layer
-from torchsynth.recipe import Recipe
+from torchsynth.recipe import Recipe, Structure
 from torchsynth.result import Level, Result
 from torchsynth.schedule import OnionPeel, Scanline, Shuffle, Simultaneous
-from torchsynth.search import TSVQ, Coherence, Exhaustive
+from torchsynth.search import TSVQ, Coherence, Exhaustive, PreferCoherent
 from torchsynth.sweep import Sweep
 from torchsynth.synthesis import synthesize
 from torchsynth.template import Anticausal, Causal, Square
@@ -49,6 +50,7 @@ __all__ = [
     "Noise",
     "OnionPeel",
     "OutputError",
+    "PreferCoherent",
     "RandomSource",
     "Recipe",
     "Result",
@@ -57,9 +59,11 @@ __all__ = [
     "Shuffle",
     "Simultaneous",
     "Square",
+    "Structure",
     "Sweep",
     "TorchsynthError",
     "WithinTolerance",
+    "analogy",
     "drawing",
     "dump_recipe",
     "extend",

@@ -37,6 +37,7 @@ class Canvas:
         exemplar: The exemplar level the pixels are copied from.
         exemplar_plane: The same, as its matching side.
         target: The picture the output should follow, valid where it was painted.
+        guide: What lies upon the output, to be compared with what lies upon the exemplar.
         frames: How each pixel sees its surroundings turned and scaled; None if it does not.
     """
 
@@ -49,6 +50,7 @@ class Canvas:
     exemplar: Image
     exemplar_plane: Plane
     target: Plane | None = None
+    guide: Plane | None = None
     frames: Frames | None = None
 
     @classmethod
@@ -59,6 +61,7 @@ class Canvas:
         exemplar_plane: Plane,
         boundary: Boundary,
         target: Plane | None = None,
+        guide: Plane | None = None,
         frames: Frames | None = None,
     ) -> Canvas:
         """A canvas that shows the picture a level starts from, with no source set."""
@@ -68,7 +71,7 @@ class Canvas:
         cost = plane.values.new_zeros(batch, height * width)
         known = torch.zeros_like(source[0], dtype=torch.bool)
         given = known.clone()
-        return cls(plane, source, cost, known, given, start, exemplar, exemplar_plane, target, frames)
+        return cls(plane, source, cost, known, given, start, exemplar, exemplar_plane, target, guide, frames)
 
     @property
     def shape(self) -> Shape:
@@ -102,6 +105,7 @@ class Canvas:
             if shared
             else replace(self.exemplar_plane, values=self.exemplar_plane.values[one]),
             target=None if self.target is None else replace(self.target, values=self.target.values[one]),
+            guide=None if self.guide is None else replace(self.guide, values=self.guide.values[one]),
         )
 
     def write(self, sites: Sites, source: Rows, own: Values | None = None) -> None:

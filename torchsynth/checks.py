@@ -86,6 +86,28 @@ def check_region(region: object, shape: tuple[int, int], subject: str) -> None:
         )
 
 
+def check_aligned(picture: Tensor, other: Tensor, subject: str, name: str) -> None:
+    """A picture lies upon another: same height and width, and one for all of a batch, or one for each.
+
+    Raises:
+        InputError: If it does not.
+
+    Example:
+        >>> check_aligned(torch.zeros(3, 4, 5), torch.zeros(1, 4, 5), "guide", "the exemplar")
+    """
+    if picture.shape[-2:] != other.shape[-2:]:
+        raise InputError(
+            subject, f"must have the height and width of {name}, {tuple(other.shape[-2:])}",
+            f"its shape is {tuple(picture.shape)}", "crop or resize one of them",
+        )  # fmt: skip
+    pictures, others = (len(one) if one.ndim == 4 else 1 for one in (picture, other))
+    if pictures not in (1, others):
+        raise InputError(
+            subject, f"must be one picture, or {others}: one for each of the batch",
+            f"there are {pictures}", "pass one for all of them",
+        )  # fmt: skip
+
+
 def check_target_region(region: object, target: Tensor | None) -> None:
     """A painted region is a boolean tensor of the target's height and width, somewhere True.
 

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from torchsynth import cli_completion, config, jobs, records
+from torchsynth import cli_analogy, cli_completion, config, jobs, records
 from torchsynth.errors import InputError, TorchsynthError
 from torchsynth.options import (
     Changes,
@@ -147,6 +147,7 @@ def synthesize(
 
 
 cli_completion.register(app)
+cli_analogy.register(app)
 
 
 @app.command()

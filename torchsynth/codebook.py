@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -28,7 +28,7 @@ from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.index import candidates
 from torchsynth.io import check_writable, reason, staging
-from torchsynth.neighborhood import Layer, Plane, layer_weights, layers_at
+from torchsynth.neighborhood import Layer, Planes, layer_weights, layers_at
 from torchsynth.part import Part
 from torchsynth.recipe import Recipe
 from torchsynth.search import TSVQ, Tree
@@ -49,24 +49,28 @@ class Training(Part):
         layers: Which neighbors are compared there; without their own weights.
         weights: How much each squared difference of each layer counts.
         search: How the tree is grown; with the default beam, whatever the recipe's.
+        dynamic_range: Whether levels are stretched; see :class:`torchsynth.Recipe`.
     """
 
     level: Annotated[int, Field(ge=0)]
     layers: Annotated[tuple[Layer, ...], Field(strict=False)]
     weights: Annotated[tuple[int, ...], Field(strict=False)]
     search: TSVQ
+    dynamic_range: Literal["own", "finest"] = "own"
 
     @classmethod
-    def of(cls, sweep: Sweep, level: int, levels: int) -> Training | None:
-        """What a sweep needs at one level of so many; None if it does not search with trees."""
-        if not isinstance(sweep.search, TSVQ):
+    def of(cls, sweep: Sweep, level: int, recipe: Recipe) -> Training | None:
+        """What a sweep of a recipe needs at one level; None if it does not search with trees."""
+        search = sweep.search.tree_search
+        if search is None:
             return None
-        layers = layers_at(sweep.layers, level, levels)
+        layers = layers_at(sweep.layers, level, recipe.levels)
         return cls(
             level=level,
             layers=tuple(layer.model_copy(update={"weight": 1}) for layer in layers),
             weights=layer_weights(layers, sweep.normalize),
-            search=sweep.search.model_copy(update={"beam": 1}),
+            search=search.model_copy(update={"beam": 1}),
+            dynamic_range=recipe.dynamic_range,
         )
 
 
@@ -79,7 +83,7 @@ def trainings(recipe: Recipe) -> tuple[Training, ...]:
         [0, 1, 2]
     """
     needed = [
-        Training.of(sweep, level, recipe.levels)
+        Training.of(sweep, level, recipe)
         for level in range(recipe.levels)
         for sweep in recipe.sweeps_at(level)
     ]
@@ -220,18 +224,18 @@ class Codebook:
             ) from None  # fmt: skip
         return cls(header.exemplar, trees, header.versions, hashlib.sha256(data).hexdigest())
 
-    def tree(self, sweep: Sweep, level: int, levels: int) -> Tree | None:
-        """The tree for a sweep at one level of so many; None if it does not search with trees."""
-        training = Training.of(sweep, level, levels)
+    def tree(self, sweep: Sweep, level: int, recipe: Recipe) -> Tree | None:
+        """The tree for a sweep of a recipe at one level; None if it does not search with trees."""
+        training = Training.of(sweep, level, recipe)
         return None if training is None else self.trees[training].unpack()
 
-    def check(self, exemplar: Exemplar, recipe: Recipe, planes: Sequence[Plane]) -> None:
+    def check(self, exemplar: Exemplar, recipe: Recipe, planes: Planes) -> None:
         """The codebook must have been trained for this exemplar and this recipe.
 
         Args:
             exemplar: The exemplar.
             recipe: The recipe; its trees may be some of those that are here.
-            planes: The exemplar's planes by level.
+            planes: The exemplar's side.
 
         Raises:
             InputError: If it was not, or if the recipe has no use for it.
@@ -266,6 +270,8 @@ class Codebook:
         near = max(same, key=lambda trained: trained.layers == training.layers)
         if near.layers != training.layers:
             return "it compares another neighborhood"
+        if near.dynamic_range != training.dynamic_range:
+            return f"its 'dynamic_range' is {near.dynamic_range}, not {training.dynamic_range},"
         if near.weights != training.weights:
             return f"its weights are {near.weights}, not {training.weights},"
         theirs, ours = near.search.model_dump(), training.search.model_dump()
@@ -280,8 +286,8 @@ def digest(exemplar: Exemplar) -> str:
         >>> digest(Exemplar(torch.zeros(1, 4, 4))) == digest(Exemplar(torch.zeros(1, 1, 4, 4)))
         True
     """
-    named = {"image": exemplar.samples}
-    return _checksum(named if exemplar.valid is None else named | {"valid": exemplar.valid})
+    named = {"image": exemplar.samples, "valid": exemplar.valid, "guide": exemplar.guides}
+    return _checksum({name: values for name, values in named.items() if values is not None})
 
 
 def check_savable(path: Path, *, overwrite: bool) -> None:
@@ -377,10 +383,13 @@ def _tree(tensors: Mapping[str, Tensor], number: int) -> PackedTree:
     return tree
 
 
-def _misfit(tree: PackedTree, training: Training, planes: Sequence[Plane]) -> str | None:
+def _misfit(tree: PackedTree, training: Training, planes: Planes) -> str | None:
     """What is wrong with the size of a tree, if anything: other versions may see other candidates."""
-    samples, _, channels = planes[training.level].values.shape
-    features = channels * sum(len(layer.template.offsets()) for layer in training.layers)
+    samples = len(planes.result[training.level].values)
+    features = sum(
+        len(layer.template.offsets()) * planes.of(layer, training.level).values.shape[2]
+        for layer in training.layers
+    )
     vectors = samples * int(candidates(training.layers, planes, training.level).sum())
     held = len(tree.members) if training.search.leaf == "nearest" else vectors
     fits = (tree.roots, tree.centroids.shape[1], held) == (samples, features, vectors)

@@ -14,14 +14,16 @@ from torchsynth import checks
 from torchsynth.controls import Controls
 from torchsynth.errors import ConfigError, InputError
 from torchsynth.exemplar import Exemplar
-from torchsynth.feasibility import check_candidates, check_growing, check_memory
+from torchsynth.exemplar_levels import ExemplarLevels
+from torchsynth.feasibility import check_candidates, check_growing
 from torchsynth.lattice import Boundary, Shape
+from torchsynth.memory import check_memory
 from torchsynth.morphology import grown
 from torchsynth.pyramid import border_of, whole_regions
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import coherent_fill
 from torchsynth.result import Result
-from torchsynth.synthesis import Progress, exemplar_planes, synthesize
+from torchsynth.synthesis import Progress, synthesize
 
 # A strip along the border is this share of the shorter side, if nothing else is asked for.
 _STRIP = 8
@@ -93,8 +95,7 @@ class Plan:
         picture, hole = self.controls.initial, self.controls.hole
         assert picture is not None and hole is not None, "a plan has both"  # noqa: S101, PT018 (for the type checker)
         check_growing(recipe, whole_regions(~hole, recipe.levels, border_of(recipe.boundary)))
-        images = self.exemplar.images(recipe.levels)
-        check_candidates(recipe, exemplar_planes(self.exemplar, images, picture.dtype))
+        check_candidates(recipe, ExemplarLevels.of(self.exemplar, recipe, picture.dtype).planes)
 
 
 def plan_filling(
@@ -238,7 +239,7 @@ def plan_extension(
             "size", f"must be larger than the picture's, {shape[0]}x{shape[1]}", f"it is {size[0]}x{size[1]}",
             "ask for more, or crop the result",
         )  # fmt: skip
-    check_memory(coherent_fill(levels=1), image.view(-1, *image.shape[-3:]), size, 1)
+    check_memory(coherent_fill(levels=1), Exemplar(image), size, 1)
     if at is not None:
         checks.check_place(at, "at")
     top, left = (_aligned(one // 2) for one in spare) if at is None else at

@@ -31,7 +31,7 @@ def load_recipe(source: str | Path, overrides: Sequence[str] = ()) -> Recipe:
         source: A name from :data:`torchsynth.recipes.RECIPES`, or the path of a YAML or JSON file.
         overrides: Changes like ``levels=3`` or ``sweeps[0].layers[0].template.size=7``; the part after
             the equals sign is YAML. Of a recipe given by its name, the parameters of its function can be
-            set as well: ``neighborhood=7``.
+            set as well: ``neighborhood=7``; they come first.
 
     Raises:
         ConfigError: If there is no such recipe or file, or if its content is wrong; the message names
@@ -43,7 +43,7 @@ def load_recipe(source: str | Path, overrides: Sequence[str] = ()) -> Recipe:
     """
     if str(source) not in RECIPES:
         return parse_recipe(_read(source), str(source), overrides)
-    names = set(inspect.signature(RECIPES[str(source)]).parameters) - set(Recipe.model_fields)
+    names = set(inspect.signature(RECIPES[str(source)]).parameters)
     parameters = [one for one in overrides if one.partition("=")[0].strip() in names and "=" in one]
     made = _made(str(source), parameters)
     rest = [one for one in overrides if one not in parameters]
@@ -105,7 +105,10 @@ def recipe_schema() -> dict[str, Any]:
         >>> recipe_schema()["title"]
         'Recipe'
     """
-    return Recipe.model_json_schema()
+    schema = Recipe.model_json_schema()
+    # A recipe may hold another, so it is defined among the parts: its own definition goes to the top.
+    whole: dict[str, Any] = schema["$defs"]["Recipe"] | {"$defs": schema["$defs"]}
+    return whole
 
 
 class _Dumper(yaml.SafeDumper):
@@ -141,8 +144,12 @@ def _made(name: str, parameters: Sequence[str]) -> Recipe:
         expectation, _, fact = f"{said[0].lower()}{said[1:]}".partition(", but ")
         raise ConfigError(
             f"{name}: {', '.join(parameters)}", f"must suit the recipe: {expectation}",
-            fact or f"it is {checks.shortened(problem['input'], json.dumps)}", "change it",
+            fact or f"it is {checks.shortened(problem['input'], _as_json)}", "change it",
         ) from None  # fmt: skip
+
+
+def _as_json(value: object) -> str:
+    return json.dumps(value, default=str)  # YAML knows dates as well
 
 
 def _read(source: str | Path) -> object:
@@ -261,7 +268,7 @@ def _config_error(error: ValidationError, data: object, subject: str) -> ConfigE
             expectation, fact = f"{where} must have {context['min_length']} or more", "there is none"
             remedy = "add one"
         case _:
-            fact = f"it is {checks.shortened(problem['input'], json.dumps)}"
+            fact = f"it is {checks.shortened(problem['input'], _as_json)}"
             expectation, remedy = f"{where}: {message}", "change it"
     return ConfigError(subject, expectation, fact, remedy)
 

@@ -27,6 +27,9 @@ class Controls:
             continued into the hole.
         target: The picture that the output should follow, of the same shape and range. The recipe
             needs a layer that compares it: see :func:`torchsynth.recipes.with_target`.
+        guide: The picture that lies upon the output, as :attr:`Exemplar.guide` lies upon the exemplar: of as
+            many channels, and of the output's height and width. Where it looks like a part of that, the
+            output will look like the exemplar there.
         target_region: ``(OH, OW)``, True where the target was painted; elsewhere the output is free.
             None means everywhere.
         angle: Degrees by which the texture is turned counter-clockwise: a number, or ``(OH, OW)`` for
@@ -53,6 +56,7 @@ class Controls:
     exemplar_at: tuple[int, int] | None = None
     target: Tensor | None = None
     target_region: Tensor | None = None
+    guide: Tensor | None = None
     angle: Tensor | float | None = None
     scale: Tensor | float | None = None
 
@@ -61,6 +65,8 @@ class Controls:
             checks.check_image(self.initial, "initial")
         if self.target is not None:
             checks.check_image(self.target, "target")
+        if self.guide is not None:
+            checks.check_image(self.guide, "guide")
         checks.check_hole(self.hole, self.initial)
         if self.exemplar_at is not None and self.hole is None:
             raise InputError(
@@ -91,7 +97,7 @@ class Controls:
         pictures = [
             {
                 name: picture[number : number + 1]
-                for name in ("initial", "target")
+                for name in ("initial", "target", "guide")
                 if (picture := getattr(self, name)) is not None and picture.ndim == 4 and len(picture) > 1
             }
             for number in range(outputs)

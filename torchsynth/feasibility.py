@@ -1,22 +1,19 @@
-"""Does this recipe fit this exemplar, this size and this machine? Asked before any work starts."""
+"""Does this recipe fit this exemplar and this size? Asked before any work starts."""
 
 from __future__ import annotations
 
-import math
-import os
 from collections.abc import Sequence
-from dataclasses import replace
 
 import torch
 
 from torchsynth._typing import Image, Region
 from torchsynth.errors import ConfigError, InputError
-from torchsynth.index import CHUNK, candidates
+from torchsynth.index import candidates
 from torchsynth.initial import SeedPatch
 from torchsynth.lattice import Shape
 from torchsynth.neighborhood import (
     Layer,
-    Plane,
+    Planes,
     layer_weights,
     layers_at,
     neighbor_weights,
@@ -24,25 +21,30 @@ from torchsynth.neighborhood import (
 from torchsynth.pyramid import level_shapes
 from torchsynth.recipe import Recipe
 from torchsynth.schedule import OnionPeel, visited_rows
-from torchsynth.search.base import MEMORY_BUDGET, Volume
-from torchsynth.sweep import Sweep, group_size
+from torchsynth.sweep import Sweep
 
 # Up to here every whole number, and so every partial sum of whole numbers, is exact in each type.
 _EXACT_FLOAT32 = 2**24
 _EXACT_FLOAT64 = 2**53
 
-_FALLBACK_MEMORY = 16 * 2**30
 
-
-def matching_dtype(recipe: Recipe, channels: int) -> torch.dtype:
+def matching_dtype(recipe: Recipe, channels: int, guide_channels: int = 0) -> torch.dtype:
     """The narrowest float type in which every distance of the recipe is exact.
+
+    Args:
+        recipe: The recipe.
+        channels: How many channels the exemplar has.
+        guide_channels: How many its guide has, if there is one.
 
     Example:
         >>> from torchsynth import recipes
         >>> matching_dtype(recipes.wei_levoy(), channels=1), matching_dtype(recipes.wei_levoy(), channels=8)
         (torch.float32, torch.float64)
     """
-    largest = channels * max(_weighted_features(sweep) * sweep.search.largest_term for sweep in recipe.sweeps)
+    largest = max(
+        _weighted_features(sweep, channels, guide_channels) * sweep.search.largest_term
+        for sweep in recipe.sweeps
+    )
     if largest > _EXACT_FLOAT64:
         raise ConfigError(
             "weights", "distances must be exact in float64", f"they can reach {largest:,}",
@@ -51,12 +53,12 @@ def matching_dtype(recipe: Recipe, channels: int) -> torch.dtype:
     return torch.float32 if largest <= _EXACT_FLOAT32 else torch.float64
 
 
-def check_candidates(recipe: Recipe, planes: Sequence[Plane]) -> None:
+def check_candidates(recipe: Recipe, planes: Planes) -> None:
     """Every sweep must find at least one candidate at every level it runs on.
 
     Args:
         recipe: The recipe.
-        planes: The exemplar's planes by level.
+        planes: The exemplar's side.
 
     Raises:
         InputError: If the exemplar, or the part of it that may be sampled, is too small.
@@ -88,6 +90,46 @@ def check_target(recipe: Recipe, given: bool) -> None:
         raise InputError(
             "target", f"must be given to the recipe {recipe.name!r}, which follows one", "there is none",
             "pass a picture of the output's size as the target",
+        )  # fmt: skip
+
+
+def check_guide(recipe: Recipe, exemplar: Image | None, output: Image | None) -> None:
+    """A recipe compares guides exactly when both sides have one, and these have the same channels.
+
+    Args:
+        recipe: The recipe.
+        exemplar: The exemplar's guide.
+        output: The output's.
+
+    Raises:
+        InputError: If they do not go together.
+
+    Example:
+        >>> from torchsynth import recipes
+        >>> check_guide(recipes.wei_levoy(), None, None)
+    """
+    given = exemplar is not None or output is not None
+    if given and not recipe.follows_guide:
+        raise InputError(
+            "guide", "must be given to a recipe that compares it",
+            f"the recipe {recipe.name!r} has no layer on a guide plane", "use e.g. torchsynth.recipes.analogy()",
+        )  # fmt: skip
+    if recipe.follows_guide and (exemplar is None or output is None):
+        missing = (
+            "neither has one"
+            if not given
+            else "the exemplar has none"
+            if exemplar is None
+            else "the output has none"
+        )
+        raise InputError(
+            "guide", f"must lie upon exemplar and output for the recipe {recipe.name!r}", missing,
+            "use torchsynth.analogy(a, a_prime, b), or pass Exemplar(..., guide=) and Controls(guide=)",
+        )  # fmt: skip
+    if exemplar is not None and output is not None and exemplar.shape[1] != output.shape[1]:
+        raise InputError(
+            "guide", f"must have the {exemplar.shape[1]} channel(s) of the exemplar's guide",
+            f"it has {output.shape[1]}", "convert one of them",
         )  # fmt: skip
 
 
@@ -143,105 +185,17 @@ def check_growing(recipe: Recipe, known: Sequence[Region] | None) -> None:
             )  # fmt: skip
 
 
-def check_memory(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> None:
-    """What a run holds in memory at once must fit this machine.
-
-    Raises:
-        InputError: If it does not; the message says what it would take.
-    """
-    needed, available = memory_needed(recipe, samples, size, outputs), _machine_memory()
-    if needed > available:
-        raise InputError(
-            "size", f"must fit the {_gibibytes(available)} of memory of this machine",
-            f"{outputs} output(s) of {size[0]}x{size[1]} would take about {_gibibytes(needed)}",
-            "ask for a smaller size, or fewer outputs at once",
-        )  # fmt: skip
-
-
-def check_training_memory(recipe: Recipe, samples: Image) -> None:
-    """What training holds in memory at once must fit this machine.
-
-    Raises:
-        InputError: If it does not; the message says what it would take.
-
-    Example:
-        >>> from torchsynth import recipes
-        >>> check_training_memory(recipes.wei_levoy_tsvq(), torch.rand(1, 1, 32, 32))
-    """
-    needed, available = memory_needed(recipe, samples, (1, 1), 1), _machine_memory()
-    if needed > available:
-        raise InputError(
-            "exemplar", f"training on it must fit the {_gibibytes(available)} of memory of this machine",
-            f"it would take about {_gibibytes(needed)}", "use a smaller exemplar or neighborhood",
-        )  # fmt: skip
-
-
-def outputs_that_fit(recipe: Recipe, samples: Image, size: Shape, wanted: int) -> int:
-    """How many outputs this machine's memory holds at once: at most as many as wanted, at least one.
-
-    Example:
-        >>> from torchsynth import recipes
-        >>> outputs_that_fit(recipes.wei_levoy(), torch.rand(1, 1, 32, 32), (64, 64), 8)
-        8
-    """
-    available = _machine_memory()
-    fitting = (n for n in range(1, wanted + 1) if memory_needed(recipe, samples, size, n) <= available)
-    return max(fitting, default=1)
-
-
-def memory_needed(recipe: Recipe, samples: Image, size: Shape, outputs: int) -> int:
-    """About how many bytes a run takes at its peak, beyond the libraries themselves.
-
-    Example:
-        >>> from torchsynth import recipes
-        >>> memory_needed(recipes.wei_levoy(), torch.rand(1, 1, 128, 128), (256, 256), 1) < 300 * 2**20
-        True
-    """
-    exemplars, channels, height, width = samples.shape
-    item = 4 if matching_dtype(recipe, channels) == torch.float32 else 8
-    # Per output pixel: noise twice in float64; start, picture and matching values per channel; the
-    # source twice as int64, a draw, the cost. And once for all outputs: the order, and frames.
-    pixel = channels * (16 + 2 * samples.element_size() + item) + 76
-    shared = 160
-    fitted = _fitted_bytes(recipe, samples, item)
-    features = channels * max(_neighbors(sweep) for sweep in recipe.sweeps)
-    # Positions as int64, vectors, and copies of both while they are put together.
-    group = group_size(outputs, features) * outputs * features * (16 + 4 * item)
-    # A pyramid holds 4/3 of its finest level.
-    output = math.prod(size) * (outputs * pixel + shared) * 4 // 3
-    # Per exemplar pixel: copies for the pyramid, in float64 while it is made, picture and matching values.
-    # And once for all exemplars: sites, where windows begin, and the coordinates these come from.
-    example = height * width * (exemplars * channels * (40 + item) + 100) * 4 // 3
-    return output + example + fitted + group + 3 * MEMORY_BUDGET + 8 * CHUNK
-
-
-def _fitted_bytes(recipe: Recipe, samples: Image, item: int) -> int:
-    """What searchers make of all candidates, where that is most: tables too large for one level are not kept."""
-    exemplars, channels, height, width = samples.shape
-    most = 0
-    for level, shape in enumerate(level_shapes((height, width), recipe.levels)):
-        for sweep in recipe.sweeps_at(level):
-            layers = layers_at(sweep.layers, level, recipe.levels)
-            painted = any(layer.plane == "target" for layer in layers)
-            complete = recipe.boundary == "torus" and sweep.unknown == "read" and not painted
-            volume = Volume(exemplars, math.prod(shape), channels, item, layers, complete)
-            most = max(most, sweep.search.memory(volume))
-    return most
-
-
-def _neighbors(sweep: Sweep) -> int:
-    return sum(len(layer.template.offsets()) for layer in sweep.layers)
-
-
-def _weighted_features(sweep: Sweep) -> int:
+def _weighted_features(sweep: Sweep, channels: int, guide_channels: int) -> int:
     weights = neighbor_weights(sweep.layers, layer_weights(sweep.layers, sweep.normalize))
-    return sum(int(one.sum()) for one in weights)
+    return sum(
+        int(one.sum()) * (guide_channels if layer.is_guide else channels)
+        for layer, one in zip(sweep.layers, weights, strict=True)
+    )
 
 
-def _no_candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int) -> InputError:
-    height, width = planes[level].shape
-    open_planes = [replace(plane, valid=None) for plane in planes]
-    if bool(candidates(layers, open_planes, level).any()):
+def _no_candidates(layers: Sequence[Layer], planes: Planes, level: int) -> InputError:
+    height, width = planes.result[level].shape
+    if bool(candidates(layers, planes.everywhere(), level).any()):
         return InputError(
             "what may be sampled", f"must hold at least one whole neighborhood at level {level}",
             "none lies inside it", "mark a larger region or a smaller hole, sample farther from it, or use fewer levels or a smaller neighborhood",
@@ -253,15 +207,3 @@ def _no_candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int)
         f"that level is only {height}x{width}",
         f"use {fewer}a smaller neighborhood or a larger exemplar",
     )  # fmt: skip
-
-
-def _machine_memory() -> int:
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):  # not every system can say
-        return _FALLBACK_MEMORY
-
-
-def _gibibytes(amount: int) -> str:
-    # Integers have no limit, so that a size with a hundred digits gets here; floats have one.
-    return f"{amount / 2**30:,.1f} GiB" if amount < 2**90 else "more than a quintillion GiB"

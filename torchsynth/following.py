@@ -28,7 +28,7 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
         passes: From 1 to 20.
 
     Raises:
-        ConfigError: If no sweep could follow a target, or if there are fewer than 1 or more than 20 passes.
+        ConfigError: If no sweep could follow a target, if the recipe makes a guide of its own, or if there are fewer than 1 or more than 20 passes.
 
     Source:
         Ashikhmin 2001, section 4; that any such recipe can do it is said in its section 6.
@@ -44,6 +44,11 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
         raise ConfigError(
             "passes", f"must be from 1 to {_MOST_PASSES}", f"it is {passes}", "choose a number between them"
         )
+    if recipe.structure is not None:
+        raise ConfigError(
+            recipe.name, "must have no structure to follow a target", "it makes a guide of its own",
+            "use a recipe without, e.g. improved_wl(morphology=False)",
+        )  # fmt: skip
     if not any(layer.plane == "result" for sweep in recipe.sweeps for layer in sweep.layers):
         raise ConfigError(
             recipe.name, "must have a layer on the result plane", "there is none", "choose another recipe"

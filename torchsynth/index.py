@@ -16,7 +16,7 @@ from torch import Tensor
 
 from torchsynth._typing import Features, Offsets, Region, Values
 from torchsynth.lattice import Shape, parents, to_cells
-from torchsynth.neighborhood import Layer, Plane, neighbor_weights
+from torchsynth.neighborhood import Layer, Plane, Planes, neighbor_weights
 from torchsynth.template import Square
 
 CHUNK = 2**22
@@ -36,7 +36,7 @@ class Index:
     Example:
         >>> from torchsynth.neighborhood import Layer
         >>> layer, picture = Layer(plane="result", template=Square(size=3)), torch.arange(12.0).view(1, 12, 1)
-        >>> index = Index.of((layer,), (1,), (Plane(picture, (3, 4), "open"),), level=0)
+        >>> index = Index.of((layer,), (1,), Planes((Plane(picture, (3, 4), "open"),)), level=0)
         >>> index.sites.tolist()
         [5, 6]
         >>> index.at(torch.tensor([1])).tolist()
@@ -49,24 +49,26 @@ class Index:
     plane: Plane
 
     @classmethod
-    def of(
-        cls, layers: Sequence[Layer], weights: Sequence[int], planes: Sequence[Plane], level: int
-    ) -> Index:
+    def of(cls, layers: Sequence[Layer], weights: Sequence[int], planes: Planes, level: int) -> Index:
         """Find the candidates of a level, of exemplars whose planes are given by level.
 
         Args:
             layers: The layers that exist at this level.
             weights: What each of them counts; see :func:`torchsynth.neighborhood.layer_weights`.
-            planes: The exemplars' planes by level.
+            planes: The exemplars' side.
             level: Which level.
         """
-        own = planes[level]
+        own = planes.result[level]
         sites = candidates(layers, planes, level).flatten().nonzero().squeeze(1)
+        read = [planes.of(layer, level) for layer in layers]
         readings = [
-            _Reading.of(layer, planes[level + layer.steps_up], sites, own.shape[1]) for layer in layers
+            _Reading.of(layer, plane, sites, own.shape[1]) for layer, plane in zip(layers, read, strict=True)
         ]
-        counts = torch.cat(neighbor_weights(layers, weights)).repeat_interleave(own.values.shape[2])
-        return cls(tuple(readings), sites, counts.to(sites.device), own)
+        counts = [
+            every.repeat_interleave(plane.values.shape[2])
+            for every, plane in zip(neighbor_weights(layers, weights), read, strict=True)
+        ]
+        return cls(tuple(readings), sites, torch.cat(counts).to(sites.device), own)
 
     @classmethod
     def of_vectors(
@@ -147,21 +149,21 @@ class Index:
         return found.reshape(*rows.shape, -1)
 
 
-def candidates(layers: Sequence[Layer], planes: Sequence[Plane], level: int) -> Region:
+def candidates(layers: Sequence[Layer], planes: Planes, level: int) -> Region:
     """Which exemplar positions have every layer's neighborhood wholly inside, and valid.
 
     Args:
         layers: The layers that exist at this level.
-        planes: The exemplar's planes by level.
+        planes: The exemplar's side.
         level: The level whose positions are asked for.
     """
-    height, width = planes[level].shape
-    everywhere = torch.ones(height, width, dtype=torch.bool, device=planes[level].values.device)
-    own = planes[level].valid
+    height, width = planes.result[level].shape
+    everywhere = torch.ones(height, width, dtype=torch.bool, device=planes.result[level].values.device)
+    own = planes.result[level].valid
     usable = everywhere if own is None else own.clone()
     cells = to_cells(torch.arange(height * width, device=usable.device), width)
     for layer in layers:
-        whole = _whole_neighborhoods(layer, planes[level + layer.steps_up])
+        whole = _whole_neighborhoods(layer, planes.of(layer, level))
         centers = parents(cells, layer.steps_up)
         # Sides round down, so the last row or column of an odd level has no parent.
         last = torch.tensor(whole.shape, device=centers.device) - 1

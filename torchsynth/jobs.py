@@ -18,7 +18,6 @@ from torchsynth.codecs import Depth
 from torchsynth.drawing import check_drawable, draw
 from torchsynth.errors import InputError, OutputError
 from torchsynth.exemplar import Exemplar
-from torchsynth.feasibility import outputs_that_fit
 from torchsynth.io import (
     Picture,
     Put,
@@ -29,7 +28,9 @@ from torchsynth.io import (
     staging,
 )
 from torchsynth.lattice import Shape
+from torchsynth.memory import outputs_that_fit
 from torchsynth.orders import Order
+from torchsynth.recipe import Recipe
 from torchsynth.records import Job, paths_of, record_of
 from torchsynth.result import Result, check_sources
 from torchsynth.synthesis import Progress, synthesize
@@ -83,11 +84,15 @@ def run(
     order = Order.of(job, inputs)
     recipe = order.recipe
     _note_grays(inputs, note)
-    if job.completion.task != "synthesize" and files.output.suffix.lower() in (".jpg", ".jpeg") and note:
+    if (
+        job.completion.task in ("fill", "extend", "tile")
+        and files.output.suffix.lower() in (".jpg", ".jpeg")
+        and note
+    ):
         note("a .jpg changes every pixel a little, also where the picture was to stay; .png and .tif do not")
     checks.check_seeds(job.seeds, None)
     check_storable(files.output, len(order.picture.image), order.size)
-    targets = [_targets(files, number, recipe.levels) for number in _numbers(job)]
+    targets = [_targets(files, number, recipe) for number in _numbers(job)]
     for path in files.figures.values():
         check_storable(path, 3, order.size)
     _check_targets(job, files, [path for one in targets for path in one.all])
@@ -101,7 +106,7 @@ def run(
     if files.source_map is not None:
         check_sources(recipe, "--source-map")
     sample = order.exemplar
-    batch = outputs_that_fit(recipe, sample.samples, order.size, min(_BATCH, len(job.seeds)))
+    batch = outputs_that_fit(recipe, sample, order.size, min(_BATCH, len(job.seeds)))
     for start in range(0, len(job.seeds), batch):
         seeds = job.seeds[start : start + batch]
         result = synthesize(
@@ -109,6 +114,8 @@ def run(
             progress=progress,
         )  # fmt: skip
         finished = order.finished(result.image)
+        if start == 0:
+            _note_structure(result.recipe, note)
         with staging() as put:
             for item, target in enumerate(targets[start : start + batch]):
                 put(target.picture, encode_image(finished[item], target.picture, depth))
@@ -116,7 +123,7 @@ def run(
                 for kind, path in target.figures.items():
                     drawing = draw(kind, result, order.controls)[item]
                     put(path, encode_image(drawing, path, "8-bit"))
-                record = record_of(job, recipe, _digests(inputs, codebook), order.size, seeds[item])
+                record = record_of(job, result.recipe, _digests(inputs, codebook), order.size, seeds[item])
                 put(target.record, json.dumps(record, indent=2).encode())
     return [target.picture for target in targets]
 
@@ -178,12 +185,12 @@ def size_larger_by(image: str, pixels: int) -> Shape:
 
 @dataclass(frozen=True)
 class _Targets:
-    """Where the files of one output go; ``levels`` by level and by the name of the picture in it."""
+    """Where the files of one output go; ``levels`` by whether they are the structure's, by level and name."""
 
     picture: Path
     record: Path
     source_map: Path | None
-    levels: dict[tuple[int, str], Path]
+    levels: dict[tuple[bool, int, str], Path]
     figures: dict[str, Path]
 
     @property
@@ -193,13 +200,16 @@ class _Targets:
         return [self.picture, self.record, *maybe, *self.levels.values(), *self.figures.values()]
 
 
-def _targets(files: Files, number: int | None, levels: int) -> _Targets:
+def _targets(files: Files, number: int | None, recipe: Recipe) -> _Targets:
     picture = _numbered(files.output, number)
     prefix = "" if number is None else f"{number}-"
     folder = files.levels
+    levels = {False: recipe.levels, True: 0 if recipe.structure is None else recipe.structure.recipe.levels}
     pictures = {
-        (level, name): folder / f"{prefix}level-{level}-{name}{files.output.suffix}"
-        for level in range(levels if folder is not None else 0)
+        (structure, level, name): folder
+        / f"{prefix}{'structure-' if structure else ''}level-{level}-{name}{files.output.suffix}"
+        for structure, number_of_levels in levels.items()
+        for level in range(number_of_levels)
         for name in ("exemplar", "start", "image")
         if folder is not None
     }
@@ -276,6 +286,13 @@ def _note_grays(inputs: dict[str, Picture], note: Callable[[str], None] | None) 
         note(f"{grays} pixel(s) of the hole are gray: those lighter than half are filled, the others are not")
 
 
+def _note_structure(recipe: Recipe, note: Callable[[str], None] | None) -> None:
+    """Say how the exemplar's edges were widened, where that was chosen."""
+    if recipe.structure is not None and note is not None:
+        what, size = {"erode": "dark", "dilate": "bright"}[recipe.structure.operation], recipe.structure.size
+        note(f"the {what} edges of the exemplar were widened with a {size}x{size} square")
+
+
 def _put_details(put: Put, result: Result, item: int, depth: Depth, targets: _Targets) -> None:
     """The levels and the source map of one sample of a result, where they are wanted."""
     if targets.source_map is not None:
@@ -284,8 +301,10 @@ def _put_details(put: Put, result: Result, item: int, depth: Depth, targets: _Ta
         exemplar_size = np.array(result.levels[0].exemplar.shape[-2:], dtype=np.int32)
         np.savez_compressed(buffer, source=source, exemplar_size=exemplar_size)
         put(targets.source_map, buffer.getvalue())
-    for (level, name), path in targets.levels.items():
-        pictures = getattr(result.levels[level], name)
+    for (structure, level, name), path in targets.levels.items():
+        made = result.structure if structure else result
+        assert made is not None, "the recipe has one"  # noqa: S101 (for the type checker)
+        pictures = getattr(made.levels[level], name)
         picture = pictures[item if len(pictures) > 1 else 0]
         # Blurred, a picture of black and white is gray.
         put(path, encode_image(picture, path, "8-bit" if depth == "1-bit" else depth))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import torch
@@ -39,11 +39,13 @@ class Layer(Part):
     Args:
         plane: ``result`` is the level being synthesized (the exemplar's same level on the other side);
             ``coarse`` is a finished coarser level, read around the pixel's parent; ``target`` is the
-            picture that the output should follow, where it was painted.
+            picture that the output should follow, where it was painted; ``guide`` is a second picture
+            that lies upon the exemplar, and one like it that lies upon the output; ``coarse_guide`` a
+            coarser level of these.
         template: Which neighbors are compared.
         weight: How much each of their squared differences counts, a whole number. Visible effect: a
             heavier coarse layer keeps more of the coarse structure, a heavier result layer is smoother.
-        up: For ``coarse``: how many levels up, 1 if not given. A layer that would read above the coarsest level is
+        up: For the coarse planes: how many levels up, 1 if not given. A layer that would read above the coarsest level is
             left out there, so the coarsest level is matched on ``result`` alone.
         sigma: Standard deviation, in pixels, of a Gaussian by which neighbors count less the farther they
             are; None lets all count the same. Visible effect: a small one follows fine structure, a
@@ -55,7 +57,7 @@ class Layer(Part):
         1
     """
 
-    plane: Literal["result", "coarse", "target"]
+    plane: Literal["result", "coarse", "target", "guide", "coarse_guide"]
     template: Template
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
     up: Annotated[int, Field(ge=1)] | None = None
@@ -63,14 +65,24 @@ class Layer(Part):
 
     @model_validator(mode="after")
     def _up_needs_coarse(self) -> Layer:
-        if self.up is not None and self.plane != "coarse":
-            raise ValueError(f"'up' is for the coarse plane; a {self.plane} layer reads its own level")
+        if self.up is not None and not self.is_coarse:
+            raise ValueError(f"'up' is for the coarse planes; a {self.plane} layer reads its own level")
         return self
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether the layer reads coarser levels than the one that is synthesized."""
+        return self.plane in ("coarse", "coarse_guide")
+
+    @property
+    def is_guide(self) -> bool:
+        """Whether the layer reads guides."""
+        return self.plane in ("guide", "coarse_guide")
 
     @property
     def steps_up(self) -> int:
         """How many levels above the synthesized one the layer reads."""
-        return (self.up or 1) if self.plane == "coarse" else 0
+        return (self.up or 1) if self.is_coarse else 0
 
 
 @dataclass(frozen=True)
@@ -89,6 +101,30 @@ class Plane:
     shape: Shape
     boundary: Boundary
     valid: Region | None = None
+
+
+@dataclass(frozen=True)
+class Planes:
+    """The exemplar's side: what neighborhoods read at each level, the finest first.
+
+    Args:
+        result: The exemplar itself.
+        guide: The guide that lies upon it; empty if there is none.
+    """
+
+    result: tuple[Plane, ...]
+    guide: tuple[Plane, ...] = ()
+
+    def of(self, layer: Layer, level: int) -> Plane:
+        """What a layer reads for candidates of a level."""
+        planes = self.guide if layer.is_guide else self.result
+        return planes[level + layer.steps_up]
+
+    def everywhere(self) -> Planes:
+        """The same planes, as if they might be read anywhere."""
+        return Planes(
+            *(tuple(replace(plane, valid=None) for plane in planes) for planes in (self.result, self.guide))
+        )
 
 
 def quantize(image: Image, dtype: torch.dtype) -> Values:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from torchsynth import checks
 from torchsynth._typing import Region
+from torchsynth.analogy import Analogy, plan_analogy
 from torchsynth.completion import Plan, plan_extension, plan_filling, plan_tiling
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
@@ -59,6 +60,9 @@ class Order:
             controls = controls_from(inputs, words_of(job), len(exemplar.image), size)
             assert job.recipe is not None, "only completions have a usual recipe"  # noqa: S101 (for the type checker)
             return cls(exemplar, size, controls, job.recipe, inputs["exemplar"])
+        if job.completion.task == "analogy":
+            found = _analogy(job, inputs, valid)
+            return cls(found.exemplar, found.size, found.controls, found.recipe, inputs["exemplar"])
         picture = inputs.get("image", inputs["exemplar"])
         image, hole = _image_and_hole(picture, inputs.get("hole"), job.completion.hole)
         plan = _plan(job, image, hole, inputs, valid)
@@ -70,6 +74,15 @@ class Order:
         if self.alpha is None:
             return image
         return torch.cat((image, self.alpha.expand(len(image), -1, -1, -1)), dim=1)
+
+
+def _analogy(job: Job, inputs: Mapping[str, Picture], valid: Region | None) -> Analogy:
+    for name, subject in (("guide", "A"), ("output_guide", "B")):
+        if name not in inputs:
+            raise InputError(subject, "must be given for an analogy", "there is none", "pass A, A' and B")
+    a, b = (inputs[name].image for name in ("guide", "output_guide"))
+    labels = job.completion.labels
+    return plan_analogy(a, inputs["exemplar"].image, b, job.recipe, labels=labels, valid=valid)
 
 
 def _plan(

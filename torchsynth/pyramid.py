@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import torch
@@ -125,6 +127,45 @@ def masked_pyramid(
         coarse = (blend / share.clamp(min=2**-20)).clamp(0, 1)
         pyramid.append((coarse.to(image.dtype), share[0, 0] >= 1 / 2))
     return tuple(pyramid)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """For each level of a pyramid how its values are stretched to the range of the finest level.
+
+    Each sample and channel by itself, by its smallest and largest value; a level of one value stays as it
+    is. Blurred levels have a smaller range, so that differences between their pixels count for less.
+
+    Args:
+        ranges: The smallest and the largest value of each level, ``(E, C, 1, 1)`` each.
+
+    Source:
+        The improved Wei-Levoy algorithm, section 4.3 and figure 6.
+
+    Example:
+        >>> levels = torch.tensor([[[[0.0, 1.0]]]]), torch.tensor([[[[0.25, 0.5]]]])
+        >>> Stretch.of(levels).apply(levels)[1].tolist()
+        [[[[0.0, 1.0]]]]
+    """
+
+    ranges: tuple[tuple[Tensor, Tensor], ...]
+
+    @classmethod
+    def of(cls, levels: Sequence[Image]) -> Stretch:
+        """What stretches the levels of a pyramid to the range of its first."""
+        extremes = [level.double().flatten(2).aminmax(dim=2) for level in levels]
+        return cls(tuple((low[..., None, None], high[..., None, None]) for low, high in extremes))
+
+    def apply(self, levels: Sequence[Image]) -> tuple[Image, ...]:
+        """The levels of this pyramid, or of another of the same channels, stretched; within [0, 1]."""
+        low, high = self.ranges[0]
+        stretched = [levels[0]]
+        for level, (least, most) in zip(levels[1:], self.ranges[1:], strict=True):
+            values = level.double()
+            wide = (values - least) * (high - low) / (most - least) + low
+            wide = torch.where(most == least, values, wide).clamp(0, 1)
+            stretched.append(wide.to(level.dtype))
+        return tuple(stretched)
 
 
 def match_histogram(image: Image, reference: Image) -> Image:

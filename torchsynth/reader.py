@@ -201,7 +201,7 @@ class Reader:
         if self.wanted is not None:
             own_draws = draws.index_select(1, sites)
             wanted = self._wanted(look(self.wanted, self.canvas.plane, True), own_draws)
-        readable = _readable(every, self.canvas.plane.values.shape[2])
+        readable = _readable(every, [plane.values.shape[2] for _, plane, _ in self.bound])
         blocks: list[_Moving | _Resting] = []
         for (_, plane, moves), reads in zip(self.bound, every, strict=True):
             positions = feature_positions(plane, reads.positions)
@@ -243,11 +243,10 @@ class Reader:
 
 def plane_of(layer: Layer, level: int, canvases: Sequence[Canvas]) -> Plane:
     """What a layer reads on the output's side."""
-    if layer.plane == "target":
-        target = canvases[level].target
-        assert target is not None, "checked before work starts"  # noqa: S101 (for the type checker)
-        return target
-    return canvases[level + layer.steps_up].plane
+    canvas = canvases[level + layer.steps_up]
+    plane = canvas.target if layer.plane == "target" else canvas.guide if layer.is_guide else canvas.plane
+    assert plane is not None, "checked before work starts"  # noqa: S101 (for the type checker)
+    return plane
 
 
 def _spans(widths: Sequence[int]) -> list[slice]:
@@ -266,12 +265,14 @@ def _split(flags: Tensor | None, sizes: list[int], unless: bool = True) -> list[
     return [None if all(usual[span]) else flags[span] for span in spans]
 
 
-def _readable(every: Sequence[Reads], channels: int) -> Bool[Tensor, "sites features"] | None:
-    """Which features exist, layer after layer; None if all of them do."""
+def _readable(every: Sequence[Reads], channels: Sequence[int]) -> Bool[Tensor, "sites features"] | None:
+    """Which features exist, layer after layer, of so many channels each; None if all of them do."""
     if all(reads.inside is None for reads in every):
         return None
     blocks = [
         torch.ones_like(reads.positions, dtype=torch.bool) if reads.inside is None else reads.inside
         for reads in every
     ]
-    return torch.cat(blocks, dim=1).repeat_interleave(channels, dim=1)
+    return torch.cat(
+        [block.repeat_interleave(each, dim=1) for block, each in zip(blocks, channels, strict=True)], dim=1
+    )

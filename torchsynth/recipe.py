@@ -6,13 +6,56 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from torchsynth._typing import Image, Region
 from torchsynth.initial import Initial, Noise
 from torchsynth.lattice import Boundary
+from torchsynth.morphology import Operation, chosen, widened
 from torchsynth.neighborhood import layers_at
 from torchsynth.part import Part
 from torchsynth.schedule import Simultaneous, goes_around
 from torchsynth.sweep import Sweep
 from torchsynth.template import Side
+
+
+class Structure(Part):
+    """A guide of the recipe's own making: the exemplar with wide edges, and a texture made of that.
+
+    Thin edges, such as the joints between stones, are few among the pixels that are compared. Widened by a
+    morphological operation they count for more, and objects stay whole. So first the widened exemplar is
+    synthesized; then that texture guides the synthesis from the exemplar itself, as an analogy: what the
+    exemplar is to the widened one, the output is to the texture.
+
+    Args:
+        operation: ``erode`` widens dark edges, ``dilate`` bright ones; ``auto`` takes the one whose
+            edges are the smaller part of the exemplar's histogram.
+        size: Side of the square by which edges are widened, odd, or ``auto``: the smallest with which
+            they come to a quarter of the histogram; see :func:`torchsynth.morphology.chosen`.
+        recipe: How the texture is made of the widened exemplar.
+
+    Source:
+        The improved Wei-Levoy algorithm, section 4.1.
+    """
+
+    operation: Operation | Literal["auto"] = "auto"
+    size: Side | Literal["auto"] = "auto"
+    recipe: Recipe
+
+    def settled(self, image: Image, valid: Region | None = None) -> Structure:
+        """The same with operation and size as they are chosen for one picture.
+
+        Args:
+            image: The exemplar.
+            valid: Where it may be sampled.
+        """
+        operation = None if self.operation == "auto" else self.operation
+        size = None if self.size == "auto" else self.size
+        operation, size, _ = chosen(image, operation, size, valid)
+        return self.model_copy(update={"operation": operation, "size": size})
+
+    def widen(self, image: Image, valid: Region | None = None) -> Image:
+        """Pictures with their edges widened; operation and size have to be settled."""
+        assert self.operation != "auto" and self.size != "auto", "settled before"  # noqa: S101, PT018 (for the type checker)
+        return widened(image, self.operation, self.size, valid)
 
 
 class Recipe(Part):
@@ -28,6 +71,10 @@ class Recipe(Part):
         sweeps: The passes over each level, in order.
         blur_seams: Blur the finished picture along the boundaries of its patches, with a binomial kernel
             of so many pixels. Its pixels there are then no copies. Source: Ashikhmin 2001, section 5.
+        dynamic_range: ``finest`` stretches the values of every level to the range of the finest one: blurred
+            levels have a smaller range, and so count for less. Visible effect: structures of the coarse
+            levels are kept more strictly. Source: the improved Wei-Levoy algorithm, section 4.3.
+        structure: If given, the guides that the sweeps compare are not the user's but made by this.
         channels: ``joint`` compares and copies all channels of a pixel together; ``separate`` synthesizes
             each by itself, as if it were a gray picture, so that an output pixel may show colors that the
             exemplar has nowhere, and has no source. Source: the GrowImage notes on Efros & Leung 1999.
@@ -45,6 +92,8 @@ class Recipe(Part):
     initial: Initial = Noise()
     sweeps: Annotated[tuple[Sweep, ...], Field(min_length=1, strict=False)]
     blur_seams: Annotated[Side, Field(ge=3, le=15)] | None = None
+    dynamic_range: Literal["own", "finest"] = "own"
+    structure: Structure | None = None
     channels: Literal["joint", "separate"] = "joint"
 
     @model_validator(mode="after")
@@ -110,8 +159,25 @@ class Recipe(Part):
             )
         return self
 
+    @model_validator(mode="after")
+    def _structure_is_of_use(self) -> Recipe:
+        if self.structure is None:
+            return self
+        if not self.follows_guide:
+            raise ValueError("a structure is made to be compared, but no sweep has a layer on a guide plane")
+        inner = self.structure.recipe
+        if inner.structure is not None or inner.follows_guide or inner.follows_target:
+            raise ValueError("a structure is made without guide or target, but its own recipe compares one")
+        if inner.boundary != self.boundary:
+            raise ValueError(
+                f"a structure must have the recipe's boundary, but they are {inner.boundary} and {self.boundary}"
+            )
+        return self
+
     def changed(self, **fields: object) -> Recipe:
         """The recipe with other values of some fields, checked like any other.
+
+        A structure gets the boundary of the recipe.
 
         Raises:
             pydantic.ValidationError: If the values do not fit.
@@ -121,6 +187,9 @@ class Recipe(Part):
             >>> recipes.ashikhmin().changed(blur_seams=3).blur_seams
             3
         """
+        if self.structure is not None and "boundary" in fields:
+            inner = self.structure.recipe.changed(boundary=fields["boundary"])
+            fields = {"structure": self.structure.model_copy(update={"recipe": inner})} | fields
         return Recipe.model_validate(dict(self) | fields)
 
     @property
@@ -138,6 +207,11 @@ class Recipe(Part):
         """Whether any sweep compares a target."""
         return any(layer.plane == "target" for sweep in self.sweeps for layer in sweep.layers)
 
+    @property
+    def follows_guide(self) -> bool:
+        """Whether any sweep compares guides."""
+        return any(layer.is_guide for sweep in self.sweeps for layer in sweep.layers)
+
     def levels_of(self, sweep: Sweep) -> tuple[int, ...]:
         """The levels a sweep runs on, the finest first."""
         return tuple(level for level in range(self.levels) if sweep.runs_at(level, self.levels))
@@ -145,3 +219,6 @@ class Recipe(Part):
     def sweeps_at(self, level: int) -> tuple[Sweep, ...]:
         """The sweeps of a level, in order."""
         return tuple(sweep for sweep in self.sweeps if sweep.runs_at(level, self.levels))
+
+
+Structure.model_rebuild()

@@ -17,15 +17,17 @@ from torchsynth.recipe import Recipe
 from torchsynth.versions import versions
 from torchsynth.wishes import FIELDS, is_file
 
-PICTURES = ("exemplar", "valid", "initial", "target", "target_region", "image", "hole")
+PICTURES = (
+    "exemplar", "valid", "initial", "target", "target_region", "image", "hole", "guide", "output_guide",
+)  # fmt: skip
 """The inputs that are always files."""
 
-Task: TypeAlias = Literal["synthesize", "fill", "extend", "tile"]
-"""What is done to a picture; all but the first complete one."""
+Task: TypeAlias = Literal["synthesize", "fill", "extend", "tile", "analogy"]
+"""What is done; ``fill``, ``extend`` and ``tile`` complete a picture."""
 
 
 class Completion(BaseModel):
-    """How a picture is completed; which of these count depends on the task.
+    """What is done with the pictures; which of these count depends on the task.
 
     Args:
         task: What is done.
@@ -33,6 +35,7 @@ class Completion(BaseModel):
         at: Row and column at which the picture lies in the extended one; None puts it in the middle.
         within: Sample only so many pixels around the hole.
         width: Of the strip that makes a picture tile.
+        labels: Whether the guides of an analogy are maps.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -42,6 +45,7 @@ class Completion(BaseModel):
     at: tuple[int, int] | None = None
     within: int | None = None
     width: int | None = None
+    labels: bool = False
 
 
 _FROM_SCRATCH = Completion()
@@ -53,7 +57,7 @@ class Job:
 
     Args:
         exemplar: Path of the sample, or ``sample:NAME``. A picture that is completed from itself is its own.
-        recipe: The algorithm; None means the usual one, where a picture is completed.
+        recipe: The algorithm; None means the usual one of a task.
         size: Height and width; None means the target's, or twice the exemplar's.
         seeds: One for each output.
         valid: Path of a picture that is white where the exemplar may be sampled.
@@ -63,9 +67,11 @@ class Job:
         angle: By how much the texture is turned: degrees, a maker such as ``swirl:180``, or a path.
         scale: By how much it is enlarged: a factor, a maker such as ``zoom:0.5,2``, or a path.
         codebook: Path of a codebook that was trained for this exemplar and recipe.
-        completion: Whether a picture is completed, and how.
+        completion: What is done.
         image: Path of the picture to be completed, if it is not the exemplar.
         hole: Path of a picture that is white where it is to be filled.
+        guide: Path of the picture that lies upon the exemplar: A of an analogy.
+        output_guide: Path of the picture that lies upon the output: B.
         sha256: What each of these files has to hash to, where that is known.
     """
 
@@ -83,6 +89,8 @@ class Job:
     completion: Completion = _FROM_SCRATCH
     image: str | None = None
     hole: str | None = None
+    guide: str | None = None
+    output_guide: str | None = None
     sha256: dict[str, str] | None = None
 
 
@@ -118,6 +126,8 @@ def load_record(path: Path) -> Job:
         completion=record.completion,
         image=paths.get("image"),
         hole=paths.get("hole"),
+        guide=paths.get("guide"),
+        output_guide=paths.get("output_guide"),
         sha256={name: one.sha256 for name, one in record.inputs.items()},
     )
 
@@ -187,8 +197,8 @@ class _Record(BaseModel):
     seed: int
     inputs: dict[
         Literal[
-            "exemplar", "valid", "initial", "target", "target_region", "image", "hole", "angle", "scale",
-            "codebook",
+            "exemplar", "valid", "initial", "target", "target_region", "image", "hole", "guide",
+            "output_guide", "angle", "scale", "codebook",
         ],
         _Input,
     ]  # fmt: skip

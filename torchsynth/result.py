@@ -48,6 +48,8 @@ class Result:
         recipe: How it was made.
         seeds: One for each sample.
         distorted: Whether a field turned or scaled the neighborhoods.
+        structure: The texture that guided the synthesis, where the recipe makes one; see
+            :class:`torchsynth.Structure`.
 
     Example:
         >>> import torch, torchsynth as ts
@@ -60,6 +62,7 @@ class Result:
     recipe: Recipe
     seeds: tuple[int, ...]
     distorted: bool = False
+    structure: Result | None = None
 
     @classmethod
     def joined(cls, results: Sequence[Result]) -> Result:
@@ -80,7 +83,9 @@ class Result:
             for alike in zip(*(result.levels for result in results), strict=False)
         ]
         seeds = tuple(seed for result in results for seed in result.seeds)
-        return cls(tuple(levels), results[0].recipe, seeds, results[0].distorted)
+        structures = [result.structure for result in results if result.structure is not None]
+        structure = cls.joined(structures) if structures else None
+        return cls(tuple(levels), results[0].recipe, seeds, results[0].distorted, structure)
 
     @classmethod
     def of_channels(cls, results: Sequence[Result], recipe: Recipe) -> Result:

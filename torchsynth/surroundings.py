@@ -8,8 +8,9 @@ import torch
 
 from torchsynth._typing import Image, Region
 from torchsynth.canvas import UNSET, Canvas
+from torchsynth.exemplar_levels import stretched
 from torchsynth.lattice import to_cells
-from torchsynth.pyramid import border_of, gaussian_pyramid, whole_regions
+from torchsynth.pyramid import Stretch, border_of, gaussian_pyramid, whole_regions
 from torchsynth.recipe import Recipe
 
 
@@ -42,9 +43,15 @@ class Surroundings:
 
 
 def surroundings_of(
-    picture: Image, hole: Region, exemplar_at: tuple[int, int] | None, recipe: Recipe
+    picture: Image,
+    hole: Region,
+    exemplar_at: tuple[int, int] | None,
+    recipe: Recipe,
+    stretch: Stretch | None = None,
 ) -> list[Surroundings]:
     """What is known around a hole at each level, the finest first.
+
+    Levels are stretched like the exemplar's.
 
     Example:
         >>> from torchsynth.recipes import ashikhmin
@@ -55,7 +62,7 @@ def surroundings_of(
     """
     border = border_of(recipe.boundary)
     hole = hole.to(picture.device)
-    pictures = gaussian_pyramid(picture.masked_fill(hole, 0), recipe.levels, border)
+    pictures = stretched(gaussian_pyramid(picture.masked_fill(hole, 0), recipe.levels, border), stretch)
     regions = whole_regions(~hole, recipe.levels, border)
     levels = []
     for level, (image, known) in enumerate(zip(pictures, regions, strict=True)):

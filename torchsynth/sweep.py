@@ -19,7 +19,7 @@ from torchsynth.index import Index
 from torchsynth.neighborhood import (
     STEPS,
     Layer,
-    Plane,
+    Planes,
     layer_weights,
     layers_at,
 )
@@ -27,7 +27,7 @@ from torchsynth.part import Part
 from torchsynth.reader import Reader, plane_of
 from torchsynth.schedule import OnionPeel, Order, Scanline, Schedule
 from torchsynth.schedule import Rows as Span
-from torchsynth.search import TSVQ, Exhaustive, Query, Search, Tree, chance, draw_at, spare
+from torchsynth.search import TSVQ, Exhaustive, PreferCoherent, Query, Search, Tree, chance, draw_at, spare
 
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
 # enough to bound memory and to report progress often.
@@ -127,7 +127,7 @@ class Fitted:
         sweep: Sweep,
         level: int,
         canvases: Sequence[Canvas],
-        exemplar: Sequence[Plane],
+        exemplar: Planes,
         tree: Tree | None = None,
     ) -> Fitted:
         """Fit a sweep's searcher to the exemplar's planes, at one level of so many canvases.
@@ -141,7 +141,7 @@ class Fitted:
             for plane in (plane_of(layer, level, canvases) for layer in layers)
         )
         state: Any
-        if tree is not None and isinstance(sweep.search, TSVQ):
+        if tree is not None and isinstance(sweep.search, TSVQ | PreferCoherent):
             state = sweep.search.prepare(index, tree)
         else:
             state = sweep.search.fit(index, complete)

@@ -11,29 +11,21 @@ from typing import TypeAlias
 import torch
 from torch import Tensor
 
-from torchsynth import checks, field
-from torchsynth._typing import Frames, Image
+from torchsynth import checks
+from torchsynth._typing import Image
 from torchsynth.canvas import Canvas
 from torchsynth.codebook import Codebook
 from torchsynth.controls import Controls
 from torchsynth.course import to_visit
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
-from torchsynth.feasibility import (
-    check_candidates,
-    check_growing,
-    check_memory,
-    check_rows,
-    check_target,
-    matching_dtype,
-)
 from torchsynth.lattice import Boundary, Shape
-from torchsynth.neighborhood import Plane, output_plane, quantize
-from torchsynth.pyramid import blur, border_of, gaussian_pyramid, masked_pyramid
+from torchsynth.pyramid import blur, border_of, level_shapes
 from torchsynth.recipe import Recipe
-from torchsynth.result import Level, Result, breaks, check_straight
-from torchsynth.surroundings import Surroundings, surroundings_of
+from torchsynth.result import Level, Result, breaks
+from torchsynth.schedule import visited_rows
 from torchsynth.sweep import Fitted, run_sweep
+from torchsynth.task import Task, check_pictures
 
 Progress: TypeAlias = Callable[[int, int, int, int, Callable[[], Image]], None]
 """``(level, sweep, done, total, preview)``: the level being synthesized (0 the finest), the number of
@@ -92,28 +84,16 @@ def synthesize(
         checks.check_type(codebook, Codebook, "codebook", "pass torchsynth.Codebook.load(file)")
     exemplar = exemplar if isinstance(exemplar, Exemplar) else Exemplar(exemplar)
     controls = controls or Controls()
-    samples = exemplar.samples
     size = checks.check_size(size)
-    seeds = checks.check_seeds(seed, len(samples) if len(samples) > 1 else None)
-    initial = _picture_for("initial", controls.initial, samples, size, len(seeds))
-    target = _picture_for("target", controls.target, samples, size, len(seeds))
-    _check_fields(controls, size)
-    if recipe.blur_seams is not None:
-        check_straight("blur_seams", controls.distorts)
-    if recipe.channels == "separate" and samples.shape[1] > 1:
+    exemplars = len(exemplar.samples)
+    seeds = checks.check_seeds(seed, exemplars if exemplars > 1 else None)
+    if recipe.structure is not None:
+        return _with_structure(exemplar, size, recipe, controls, seeds, codebook, progress)
+    if recipe.channels == "separate" and exemplar.samples.shape[1] > 1:
+        check_pictures(exemplar, size, controls, len(seeds))
         return _channel_by_channel(exemplar, size, recipe, controls, seeds, codebook, progress)
-    check_target(recipe, target is not None)
-    check_memory(recipe, samples, size, len(seeds))
-    check_rows(recipe, size)
-    surroundings = None
-    if controls.hole is not None and initial is not None:
-        surroundings = surroundings_of(initial, controls.hole, controls.exemplar_at, recipe)
-    check_growing(recipe, None if surroundings is None else [one.known for one in surroundings])
-
-    images = exemplar.images(recipe.levels)
-    planes = exemplar_planes(exemplar, images, matching_dtype(recipe, samples.shape[1]))
-    check_candidates(recipe, planes)
-    if len(samples) > 1 and recipe.refuses:
+    task = Task.of(exemplar, size, recipe, controls, seeds, codebook)
+    if exemplars > 1 and recipe.refuses:
         # Outputs with exemplars of their own part company at the first refusal: better at once.
         return Result.joined(
             [
@@ -121,29 +101,88 @@ def synthesize(
                 for one, some, alone in zip(exemplar.split(), controls.split(len(seeds)), seeds, strict=True)
             ]
         )
-    if codebook is not None:
-        codebook.check(exemplar, recipe, planes)
-
     generators = [torch.Generator().manual_seed(one) for one in seeds]
-    if initial is None or surroundings is not None:
-        starts = recipe.initial.start(images, size, recipe.boundary, generators)
-    else:
-        starts = gaussian_pyramid(initial, recipe.levels, border_of(recipe.boundary))
-    targets = _target_planes(target, controls.target_region, recipe, planes[0].values.dtype)
-    canvases = []
-    for level, start in enumerate(starts):
-        frames = _frames(controls, (start.shape[2], start.shape[3]), samples.device)
-        around = None if surroundings is None else surroundings[level]
-        canvases.append(_canvas(start, images[level], planes[level], recipe, targets[level], frames, around))
+    canvases = task.canvases(generators)
     # Inference mode spares each of many thousand small operations some bookkeeping: an eighth of the time
     # of coherent search. Canvases are made outside of it, so that results are ordinary tensors.
-    with exact_arithmetic(samples.device.type), torch.inference_mode():
-        begins = initial is not None and surroundings is None
-        begun = _run(recipe, canvases, planes, generators, begins, codebook, progress)
+    with exact_arithmetic(exemplar.samples.device.type), torch.inference_mode():
+        begun = _run(task, canvases, generators, progress)
     levels = list(map(_finished, canvases, begun))
     if recipe.blur_seams is not None:
         levels[0] = _with_blurred_seams(levels[0], recipe.blur_seams, recipe.boundary, controls.hole)
     return Result(tuple(levels), recipe, tuple(seeds), controls.distorts)
+
+
+def _with_structure(
+    exemplar: Exemplar,
+    size: Shape,
+    recipe: Recipe,
+    controls: Controls,
+    seeds: Sequence[int],
+    codebook: Codebook | None,
+    progress: Progress | None,
+) -> Result:
+    """First a texture of the exemplar with wide edges, then the output, guided by it."""
+    _check_structure(exemplar, recipe, controls, codebook)
+    if len(exemplar.samples) > 1:
+        # Each of them may need another operation.
+        return Result.joined(
+            [
+                synthesize(one, size, recipe, controls=some, seed=alone, progress=progress)
+                for one, some, alone in zip(exemplar.split(), controls.split(len(seeds)), seeds, strict=True)
+            ]
+        )
+    assert recipe.structure is not None, "the reason to be here"  # noqa: S101 (for the type checker)
+    structure = recipe.structure.settled(exemplar.samples, exemplar.valid)
+    inner, outer = structure.recipe, recipe.changed(structure=None)
+    wide = Exemplar(structure.widen(exemplar.samples, exemplar.valid), exemplar.valid)
+    guided = replace(exemplar, guide=wide.image)
+    blank = exemplar.samples.new_zeros(1, exemplar.samples.shape[1], *size)
+    Task.of(guided, size, outer, replace(controls, guide=blank), seeds)  # before any work
+    shares = [_visits(one, size) for one in (inner, outer)]
+
+    def told(before: int) -> Progress | None:
+        if progress is None:
+            return None
+        return lambda level, sweep, done, _, preview: progress(
+            level, sweep, before + done, sum(shares), preview
+        )
+
+    initial = None
+    if controls.initial is not None:
+        initial = structure.widen(controls.initial.view(-1, *controls.initial.shape[-3:]))
+    begun = replace(controls, initial=initial)
+    made = synthesize(wide, size, inner, controls=begun, seed=seeds, progress=told(0))
+    controls = replace(controls, guide=made.image)
+    result = synthesize(guided, size, outer, controls=controls, seed=seeds, progress=told(shares[0]))
+    return replace(result, recipe=recipe.changed(structure=structure), structure=made)
+
+
+def _check_structure(
+    exemplar: Exemplar, recipe: Recipe, controls: Controls, codebook: Codebook | None
+) -> None:
+    """What a recipe that makes its own guide cannot be given."""
+    refused = {
+        "guide": controls.guide is not None or exemplar.guide is not None,
+        "hole": controls.hole is not None,
+        "codebook": codebook is not None,
+    }
+    for subject, given in refused.items():
+        if given:
+            raise InputError(
+                subject, "cannot be given to a recipe that makes its own guide",
+                f"the recipe {recipe.name!r} has a structure",
+                "use a recipe without, e.g. torchsynth.recipes.improved_wl(morphology=False)",
+            )  # fmt: skip
+
+
+def _visits(recipe: Recipe, size: Shape) -> int:
+    """How many pixels all sweeps of all levels visit."""
+    return sum(
+        len(visited_rows(sweep.rows, height)) * width
+        for level, (height, width) in enumerate(level_shapes(size, recipe.levels))
+        for sweep in recipe.sweeps_at(level)
+    )
 
 
 def _channel_by_channel(
@@ -194,18 +233,13 @@ def exact_arithmetic(device: str) -> Iterator[None]:
 
 
 def _run(
-    recipe: Recipe,
+    task: Task,
     canvases: Sequence[Canvas],
-    planes: Sequence[Plane],
     generators: Sequence[torch.Generator],
-    given: bool,
-    codebook: Codebook | None,
     progress: Progress | None,
 ) -> list[Image]:
-    """All sweeps of all levels, coarse to fine; returns the picture each level started from.
-
-    ``given`` says that the coarsest level starts from the user's picture.
-    """
+    """All sweeps of all levels, coarse to fine; returns the picture each level started from."""
+    recipe, codebook = task.recipe, task.codebook
     passes = [
         (level, number, sweep)
         for level in reversed(range(recipe.levels))
@@ -219,11 +253,11 @@ def _run(
         canvas = canvases[level]
         if number == 0 or fitted is None or not fitted.serves(sweep):
             fitted = None  # before the next one takes its memory
-            tree = None if codebook is None else codebook.tree(sweep, level, recipe.levels)
-            fitted = Fitted.to(sweep, level, canvases, planes, tree)
+            tree = None if codebook is None else codebook.tree(sweep, level, recipe)
+            fitted = Fitted.to(sweep, level, canvases, task.levels.planes, tree)
         fitted = replace(fitted, sweep=sweep)
         coarser = canvases[level + 1] if level + 1 < recipe.levels else None
-        if number == 0 and (coarser is not None or not given):
+        if number == 0 and (coarser is not None or not task.begins_with_picture):
             before = to_visit(canvas, None)
             recipe.initial.sow(canvas, coarser, fitted.sites, generators)
             done += len(recipe.sweeps_at(level)) * (before - to_visit(canvas, None))
@@ -241,95 +275,6 @@ def _run(
         advance(0)
         run_sweep(fitted, level, canvases, torch.stack(draws).to(canvas.source.device), advance)
     return begun
-
-
-def exemplar_planes(exemplar: Exemplar, images: Sequence[Image], dtype: torch.dtype) -> tuple[Plane, ...]:
-    """The matching side of each level of the exemplar; it never wraps around.
-
-    Example:
-        >>> exemplar = Exemplar(torch.rand(1, 8, 6))
-        >>> [plane.shape for plane in exemplar_planes(exemplar, exemplar.images(2), torch.float32)]
-        [(8, 6), (4, 3)]
-    """
-    regions = exemplar.valid_regions(len(images))
-    return tuple(
-        Plane(quantize(image, dtype), (image.shape[2], image.shape[3]), "open", valid)
-        for image, valid in zip(images, regions, strict=True)
-    )
-
-
-def _target_planes(
-    target: Image | None, region: Tensor | None, recipe: Recipe, dtype: torch.dtype
-) -> Sequence[Plane | None]:
-    """What neighborhoods read of the target, level by level."""
-    if target is None:
-        return [None] * recipe.levels
-    border = border_of(recipe.boundary)
-    if region is None:
-        images = gaussian_pyramid(target, recipe.levels, border)
-        return [output_plane(image, dtype, recipe.boundary) for image in images]
-    painted = masked_pyramid(target, region.to(target.device), recipe.levels, border)
-    return [output_plane(image, dtype, recipe.boundary, known) for image, known in painted]
-
-
-def _picture_for(
-    subject: str, picture: Tensor | None, samples: Image, size: Shape, outputs: int
-) -> Image | None:
-    """A picture of the user's as a batch, if there is one and it fits the output."""
-    if picture is None:
-        return None
-    batch = picture.detach() if picture.ndim == 4 else picture.detach().unsqueeze(0)
-    wanted = (samples.shape[1], *size)
-    if tuple(batch.shape[1:]) != wanted or len(batch) not in (1, outputs):
-        raise InputError(
-            subject, f"must have the output's channels, height and width {wanted}",
-            f"its shape is {tuple(picture.shape)}",
-            "convert it to the exemplar's channels" if batch.shape[1] != wanted[0] and batch.shape[2:] == size
-            else "resize it, and see that its channels are the exemplar's; a batch needs one, or one for each output",
-        )  # fmt: skip
-    return batch.to(samples).expand(outputs, -1, -1, -1)
-
-
-def _check_fields(controls: Controls, size: Shape) -> None:
-    """Fields must have a value for every pixel of the output."""
-    for name in ("angle", "scale"):
-        given = getattr(controls, name)
-        if isinstance(given, Tensor) and tuple(given.shape) != size:
-            raise InputError(
-                name, f"must have the output's height and width {size}",
-                f"its shape is {tuple(given.shape)}", "resize it, or pass one number",
-            )  # fmt: skip
-
-
-def _canvas(
-    start: Image,
-    image: Image,
-    plane: Plane,
-    recipe: Recipe,
-    target: Plane | None,
-    frames: Frames | None,
-    around: Surroundings | None,
-) -> Canvas:
-    """The canvas of a level, with what is given around its hole, if it has one."""
-    if around is None:
-        return Canvas.blank(start, image, plane, recipe.boundary, target, frames)
-    start = torch.where(around.known, around.picture, start)
-    canvas = Canvas.blank(start, image, plane, recipe.boundary, target, frames)
-    around.give(canvas)
-    return canvas
-
-
-def _frames(controls: Controls, shape: Shape, device: torch.device) -> Frames | None:
-    """How the pixels of a level see their surroundings turned and scaled, if they do."""
-    if not controls.distorts:
-        return None
-    fields = [
-        field.at_level(given.detach().double().cpu(), shape)
-        if isinstance(given, Tensor)
-        else field.constant(shape, default if given is None else float(given))
-        for given, default in ((controls.angle, 0.0), (controls.scale, 1.0))
-    ]
-    return field.frames(*fields).to(device)
 
 
 def _with_blurred_seams(level: Level, size: int, boundary: Boundary, hole: Tensor | None) -> Level:

@@ -13,10 +13,12 @@ from torchsynth import checks
 from torchsynth.codebook import Codebook, PackedTree, digest, trainings
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
-from torchsynth.feasibility import check_candidates, check_training_memory, matching_dtype
+from torchsynth.exemplar_levels import ExemplarLevels
+from torchsynth.feasibility import check_candidates, matching_dtype
 from torchsynth.index import Index
+from torchsynth.memory import check_training_memory
 from torchsynth.recipe import Recipe
-from torchsynth.synthesis import exact_arithmetic, exemplar_planes
+from torchsynth.synthesis import exact_arithmetic
 
 TrainingProgress: TypeAlias = Callable[[int, int, int], None]
 """``(level, done, total)``: the level whose tree is next or was last trained, and how many exemplar pixels,
@@ -61,21 +63,27 @@ def train(
             "recipe", "must search with trees to be trained", f"{recipe.name!r} has no tsvq search",
             "use e.g. torchsynth.recipes.wei_levoy_tsvq()",
         )  # fmt: skip
-    samples = exemplar.samples
-    check_training_memory(recipe, samples)
-    dtype = matching_dtype(recipe, samples.shape[1])
-    planes = exemplar_planes(exemplar, exemplar.images(recipe.levels), dtype)
+    samples, guides = exemplar.samples, exemplar.guides
+    if recipe.follows_guide and guides is None:
+        raise InputError(
+            "guide", f"must lie upon the exemplar for the recipe {recipe.name!r}", "there is none",
+            "pass Exemplar(image, guide=...)",
+        )  # fmt: skip
+    check_training_memory(recipe, exemplar)
+    dtype = matching_dtype(recipe, samples.shape[1], 0 if guides is None else guides.shape[1])
+    planes = ExemplarLevels.of(exemplar, recipe, dtype).planes
     check_candidates(recipe, planes)
 
-    total = sum(math.prod(planes[training.level].shape) for training in needed)
+    shapes = [planes.result[training.level].shape for training in needed]
+    total = sum(map(math.prod, shapes))
     done, trees = 0, {}
-    for training in needed:
+    for training, shape in zip(needed, shapes, strict=True):
         if progress is not None:
             progress(training.level, done, total)
         with exact_arithmetic(samples.device.type):
             index = Index.of(training.layers, training.weights, planes, training.level)
             trees[training] = PackedTree.of(training.search.grow(index))
-        done += math.prod(planes[training.level].shape)
+        done += math.prod(shape)
     if progress is not None:
         progress(needed[-1].level, done, total)
     return Codebook(digest(exemplar), trees)

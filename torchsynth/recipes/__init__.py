@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 from torchsynth.following import with_target
 from torchsynth.recipe import Recipe
+from torchsynth.recipes.analogy import analogy
 from torchsynth.recipes.causal import wei_levoy, wei_levoy_single, wei_levoy_tsvq
 from torchsynth.recipes.coherent import ashikhmin, ashikhmin_multires, ashikhmin_target
 from torchsynth.recipes.filling import coherent_fill, efros_leung, wei_levoy_fill
+from torchsynth.recipes.improved import improved_wl
 from torchsynth.recipes.symmetric import distorted, random_order
 
 RECIPES: dict[str, Callable[[], Recipe]] = {
@@ -23,17 +25,21 @@ RECIPES: dict[str, Callable[[], Recipe]] = {
     "coherent_fill": coherent_fill,
     "random_order": random_order,
     "distorted": distorted,
+    "improved_wl": improved_wl,
+    "analogy": analogy,
 }
 """The recipes by name, with their default parameters."""
 
 __all__ = [
     "RECIPES",
+    "analogy",
     "ashikhmin",
     "ashikhmin_multires",
     "ashikhmin_target",
     "coherent_fill",
     "distorted",
     "efros_leung",
+    "improved_wl",
     "random_order",
     "wei_levoy",
     "wei_levoy_fill",

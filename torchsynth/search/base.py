@@ -1,7 +1,8 @@
 """What the sweep and the searchers say to each other.
 
 A searcher is a part with these verbs: ``wants()`` names the neighbors whose sources it has to see, and
-``takes_chances`` whether it needs a random number with each;
+``takes_chances`` whether it needs a random number with each; ``tree_search`` is the search whose trees a
+codebook may hold, or None;
 ``fit(index, complete)`` computes whatever it needs of the candidates, once, and ``memory(volume)`` says how
 much memory that takes; ``capacity(state)`` says how many queries fit its memory budget;
 ``largest_term`` bounds its sums, so that they stay exact; ``has_sources`` says whether it proposes exemplar
@@ -42,6 +43,7 @@ class Volume(NamedTuple):
         item: How many bytes a number takes.
         layers: What is compared.
         complete: Whether every feature of every query will be readable.
+        guide_channels: How many channels a pixel of the guide has.
     """
 
     exemplars: int
@@ -50,11 +52,15 @@ class Volume(NamedTuple):
     item: int
     layers: Sequence[Layer]
     complete: bool
+    guide_channels: int = 0
 
     @property
     def features(self) -> int:
         """How many numbers a candidate's vector has."""
-        return self.channels * sum(len(layer.template.offsets()) for layer in self.layers)
+        return sum(
+            len(layer.template.offsets()) * (self.guide_channels if layer.is_guide else self.channels)
+            for layer in self.layers
+        )
 
     @property
     def candidates(self) -> int:

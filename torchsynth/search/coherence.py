@@ -18,7 +18,7 @@ from torchsynth._typing import Offsets
 from torchsynth.index import Index
 from torchsynth.neighborhood import Layer
 from torchsynth.part import Part
-from torchsynth.search.base import MEMORY_BUDGET, Proposals, Query, Volume, table_fits
+from torchsynth.search.base import MEMORY_BUDGET, Offers, Proposals, Query, Volume, table_fits
 from torchsynth.template import Template
 
 
@@ -77,6 +77,9 @@ class Coherence(Part):
     has_sources: ClassVar[bool] = True
     """Whether what it proposes are exemplar pixels."""
 
+    tree_search: ClassVar[None] = None
+    """There are no trees that a codebook might hold."""
+
     template: Template
     spare_bottom: bool = False
 
@@ -126,8 +129,7 @@ class Coherence(Part):
             Costs ``(B, sites, neighbors)``: weighted squared distances less each query's own squared
             length, which is the same for all its candidates; infinite for neighbors that offer none.
         """
-        offers = query.offers
-        assert offers is not None, "the sweep reads what a search wants"  # noqa: S101 (for the type checker)
+        offers = _offered(query)
         rows = state.continued.take(offers.source + state.lines)
         rows = torch.where(rows < 0, offers.spares, rows)
         if state.limits is not None and offers.chances is not None:
@@ -136,6 +138,23 @@ class Coherence(Part):
         if offers.missing is not None:
             cost.masked_fill_(offers.missing, float("inf"))
         return Proposals(cost, rows)
+
+    def continued(self, state: CoherenceState, query: Query) -> Proposals:
+        """Propose what the neighbors' patches go on with, and nothing in place of what is no candidate.
+
+        Returns:
+            As :meth:`search` does; infinite where there is no continuation.
+        """
+        offers = _offered(query)
+        rows = state.continued.take(offers.source + state.lines)
+        nothing = rows < 0 if offers.missing is None else (rows < 0) | offers.missing
+        rows = rows.clamp(min=0)
+        return Proposals(_costs(state, query, rows).masked_fill_(nothing, float("inf")), rows)
+
+
+def _offered(query: Query) -> Offers:
+    assert query.offers is not None, "the sweep reads what a search wants"  # noqa: S101 (for the type checker)
+    return query.offers
 
 
 def _columns(features: int, complete: bool) -> int:

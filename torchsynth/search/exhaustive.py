@@ -81,6 +81,9 @@ class Exhaustive(Part):
     has_sources: ClassVar[bool] = True
     """Whether what it proposes are exemplar pixels."""
 
+    tree_search: ClassVar[None] = None
+    """There are no trees that a codebook might hold."""
+
     takes_chances: ClassVar[bool] = False
     """Whether each offer needs a random number."""
 

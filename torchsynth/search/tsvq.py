@@ -206,6 +206,11 @@ class TSVQ(Part):
     takes_chances: ClassVar[bool] = False
     """Whether each offer needs a random number."""
 
+    @property
+    def tree_search(self) -> TSVQ:
+        """The search whose trees a codebook may hold."""
+        return self
+
     def wants(self) -> None:
         """No sources: the neighbors' values are enough."""
 
