@@ -26,8 +26,8 @@ class Structure(Part):
     exemplar is to the widened one, the output is to the texture.
 
     Args:
-        operation: ``erode`` widens dark edges, ``dilate`` bright ones; ``auto`` takes the one whose
-            edges are the smaller part of the exemplar's histogram.
+        operation: ``erode`` widens dark edges, ``dilate`` bright ones; ``auto`` takes the one that widens the
+            thinner of the exemplar's dark and bright parts; see :func:`torchsynth.morphology.chosen`.
         size: Side of the square by which edges are widened, odd, or ``auto``: the smallest with which
             they come to a quarter of the histogram; see :func:`torchsynth.morphology.chosen`.
         recipe: How the texture is made of the widened exemplar.
