@@ -1,4 +1,4 @@
-"""Measures of outputs: numbers for what the eye looks for."""
+"""Seams: between copies of a picture laid side by side, and around what was filled."""
 
 from __future__ import annotations
 
