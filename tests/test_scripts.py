@@ -145,6 +145,53 @@ def test_lloyds_steps_of_the_figures_go_down(script):
     assert distortions[-1] < distortions[0] / 2
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".md"])
+def test_the_measures_are_validated(script, picture, capsys, suffix):
+    names = [picture(48, "one.png"), picture(50, "two.png"), "sample:pebbles"]
+    module = script("validate_measures", "--textures", *names, "--crop", 22, "--out", f"found{suffix}")
+    module.main()
+    heading, *lines = capsys.readouterr().out.splitlines()
+    assert heading.split()[:3] == ["texture", "picture", "patch"]
+    rows, notes = lines[:27], lines[27:]
+    assert [row.split("  ")[0] for row in rows[::9]] == names
+    assert len(notes) == sum(len(purpose.beaten) for purpose in module.PURPOSES.values()) + 2
+    written = Path(f"found{suffix}").read_text().splitlines()
+    mark = "," if suffix == ".csv" else " | "
+    assert f"one.png{mark}exemplar itself{mark}0.00{mark}1.00" in "\n".join(written)
+    assert len(written) == (28 if suffix == ".csv" else 30 + len(notes))
+    assert "coverage: the exemplar itself beats the tiled exemplar on 3 of 3" in notes
+
+
+def test_the_built_in_samples_are_ranked_as_the_validation_says(script):
+    module = script("validate_measures")
+    images = [module.picture(name) for name in module.TEXTURES]
+    for image, other in zip(images, [*images[1:], images[0]], strict=True):
+        rows = module.rows_of(image, other, 192)
+        for measure, purpose in module.PURPOSES.items():
+            assert module.losses(rows, measure, purpose) == []
+            worst = {picture: {measure: 0.0} for picture in rows} | {purpose.first: {measure: 3.0}}
+            if measure != "coverage":
+                assert module.losses(worst, measure, purpose) == list(purpose.beaten)
+
+
+def test_what_spoils_a_crop_for_the_validation(script, make_exemplar):
+    module = script("validate_measures")
+    image = make_exemplar(3, 30, 40)
+    exemplar, real = module.crops(image, 18)
+    assert exemplar.equal(image[:, :15, :18])
+    assert real.equal(image[:, 15:, 22:])
+    assert module.shuffled(real).flatten(1).sort(1).values.equal(real.flatten(1).sort(1).values)
+    gray = torch.rand(1, 16, 16, dtype=torch.float64) / 4 + 3 / 8  # far from 0 and 1, where values are cut
+    noise = module.phase_noise(gray)
+    assert torch.fft.fft2(noise).abs().allclose(torch.fft.fft2(gray).abs())
+    assert not noise.allclose(gray)
+    tiles, source = module.tiled(exemplar)
+    assert tiles[:, :7, 9:].equal(tiles[:, 7:14, :9])
+    assert tiles.equal(exemplar[:, source[0], source[1]])
+    assert module.like(real, torch.rand(1, 90, 90)).shape == real.shape
+    assert module.like(gray, image).shape == gray.shape
+
+
 def test_the_samples_are_those_of_the_library(script):
     pytest.importorskip("skimage")
     pytest.importorskip("pooch")
@@ -275,6 +322,17 @@ WRONG = [
     ("tsvq_report", ["--depths", "31"], "must be from 1 to 30, but it is 31"),
     ("tsvq_report", ["--beams", "two"], "must be a whole number from 1 to 64, but it is 'two'"),
     ("tsvq_report", ["--out", "."], "but . is a folder"),
+    ("validate_measures", ["--textures", "small.png"], "textures: must be two or more, all different"),
+    ("validate_measures", ["--textures", "none.png", "small.png"], "none.png"),
+    ("validate_measures", ["--textures", "small.png", "taken"], "taken"),
+    (
+        "validate_measures",
+        ["--textures", "small.png", "sample:brick"],
+        "small.png: must have at least 28 pixels a side to be cut in quarters, but it is 16x16",
+    ),
+    ("validate_measures", ["--crop", "13"], "must be at least 14, but it is 13"),
+    ("validate_measures", ["--out", "found.txt"], "must end in .csv or .md, but it is found.txt"),
+    ("validate_measures", ["--out", "none/found.md"], "a folder that does not exist, none"),
 ]
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from torchsynth import cli_analogy, cli_completion, config, jobs, records
+from torchsynth import cli_analogy, cli_completion, cli_measure, config, jobs, records
 from torchsynth.errors import InputError, TorchsynthError
 from torchsynth.options import (
     Changes,
@@ -146,8 +146,8 @@ def synthesize(
     run(job, files)
 
 
-cli_completion.register(app)
-cli_analogy.register(app)
+for commands in (cli_completion, cli_analogy, cli_measure):
+    commands.register(app)
 
 
 @app.command()

@@ -8,12 +8,13 @@ from torchsynth.metrics.copying import (
     run_length,
     source_windows,
 )
-from torchsynth.metrics.report import Measures, measure
+from torchsynth.metrics.report import SMALLEST_SIDE, Measures, measure
 from torchsynth.metrics.seams import edge_ratio, seam_ratio
 from torchsynth.metrics.sharpness import gradient_distance, sharpness
 from torchsynth.metrics.statistics import patch_distance, patch_distances
 
 __all__ = [
+    "SMALLEST_SIDE",
     "Measures",
     "copied",
     "coverage",

@@ -107,6 +107,21 @@ def quantiles(values: Tensor) -> Float64[Tensor, " quantiles"]:
     return ordered[parts * len(ordered) // (2 * QUANTILES)].double() / _GRID
 
 
+def pairs(channels: int) -> list[tuple[int, int]]:
+    """Pairs of two different places in a patch: always the same ones.
+
+    A place is a number: channel, row and column, as they follow each other in memory.
+
+    Example:
+        >>> len(pairs(3))
+        48
+    """
+    generator, places = torch.Generator().manual_seed(0), channels * PATCH**2
+    first = torch.randint(places, (_PAIRS,), generator=generator)
+    apart = torch.randint(1, places, (_PAIRS,), generator=generator)
+    return list(zip(first.tolist(), ((first + apart) % places).tolist(), strict=True))
+
+
 def _levels(shape: Shape) -> int:
     """How many levels of a picture have room for more than a patch; one at least."""
     return 1 + sum(min(sides) >= 2 * PATCH for sides in level_shapes(shape, LEVELS)[1:])
@@ -128,7 +143,7 @@ def _projections(image: Image, levels: int) -> list[Projections]:
     """Of each level; one direction after the other, so that memory does not grow with their number."""
     found = []
     for level in gaussian_pyramid(image.double(), levels, "reflect"):
-        planes = [quantiles(_plane(level[0], a) - _plane(level[0], b)) for a, b in _pairs(image.shape[1])]
+        planes = [quantiles(_plane(level[0], a) - _plane(level[0], b)) for a, b in pairs(image.shape[1])]
         found.append(torch.stack([*planes, *map(quantiles, level[0])]))
     return found
 
@@ -138,14 +153,6 @@ def _plane(image: Tensor, place: int) -> Tensor:
     channel, row, column = place // PATCH**2, place // PATCH % PATCH, place % PATCH
     height, width = (side - PATCH + 1 for side in image.shape[1:])
     return image[channel, row : row + height, column : column + width]
-
-
-def _pairs(channels: int) -> list[tuple[int, int]]:
-    """Pairs of two different places in a patch: always the same ones."""
-    generator, places = torch.Generator().manual_seed(0), channels * PATCH**2
-    first = torch.randint(places, (_PAIRS,), generator=generator)
-    apart = torch.randint(1, places, (_PAIRS,), generator=generator)
-    return list(zip(first.tolist(), ((first + apart) % places).tolist(), strict=True))
 
 
 def _distances(
