@@ -63,6 +63,10 @@ def patch_distances(image: Image, exemplar: Image) -> Float64[Tensor, "batch lev
     Differences tell more than projections on dense directions: a sum of many values looks Gaussian in every
     texture, and so cannot tell a texture from noise of the same spectrum.
 
+    It fails where the arrangement over longer distances matters: broken lines of text, or objects cut and
+    joined, are made of fine patches, and can have less than 1. So can a tiled exemplar. What else it does not
+    see is said in ``scripts/validate_measures.py`` of the project's repository.
+
     Convention:
         The directions are the same for every picture with as many channels. There are up to 4 levels: as
         many as have 14 pixels a side in the picture, and in the halves of the exemplar. So compare numbers
