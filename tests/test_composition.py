@@ -17,6 +17,12 @@ SEARCHES = {
     "tsvq": ts.TSVQ(depth=3, beam=2),
     "coherence": ts.Coherence(template=ts.Square(size=3)),
 }
+PREFERENCES = {
+    "exhaustive preferring": ts.PreferCoherent(template=ts.Square(size=3), kappa=1.0),
+    "tsvq preferring": ts.PreferCoherent(
+        best=ts.TSVQ(depth=3, beam=2), template=ts.Square(size=3), kappa=1.0
+    ),
+}
 ORDERS = {"scanline": ts.Scanline(), "shuffle": ts.Shuffle(seed=2)}
 COMBINATIONS = list(
     itertools.product(
@@ -46,7 +52,8 @@ def recipe_of(search, order, levels, follows, boundary, unknown):
         ts.Layer(plane="result", template=template),
         ts.Layer(plane="coarse", template=ts.Square(size=3)),
     )
-    sweep = ts.Sweep(layers=layers, search=SEARCHES[search], order=ORDERS[order], unknown=unknown)
+    found = (SEARCHES | PREFERENCES)[search]
+    sweep = ts.Sweep(layers=layers, search=found, order=ORDERS[order], unknown=unknown)
     recipe = ts.Recipe(levels=levels, boundary=boundary, initial=ts.RandomSource(), sweeps=(sweep,))
     return ts.recipes.with_target(recipe, passes=2) if follows else recipe
 
@@ -80,6 +87,41 @@ def test_equals_the_literal_loop(
     assert batched.source.equal(literal.source)
     assert batched.cost.equal(literal.cost)
     assert batched.transfer(exemplar).equal(batched.image)
+
+
+GUIDED = list(
+    itertools.product(
+        SEARCHES | PREFERENCES, ORDERS, (1, 2), (False, True), ("torus", "open"), ("read", "skip")
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("search", "order", "levels", "distorts", "boundary", "unknown"),
+    GUIDED,
+    ids=["-".join(map(str, one)) for one in GUIDED],
+)
+def test_guided_synthesis_equals_the_literal_loop(
+    make_exemplar, monkeypatch, search, order, levels, distorts, boundary, unknown
+):
+    size = (8, 11)
+    plain = recipe_of(search, order, levels, False, boundary, unknown)
+    guides = (
+        ts.Layer(plane="guide", template=ts.Square(size=3), weight=2),
+        ts.Layer(plane="coarse_guide", template=ts.Square(size=1)),
+    )
+    sweep = plain.sweeps[0].model_copy(update={"layers": (*plain.sweeps[0].layers, *guides)})
+    recipe = plain.changed(sweeps=(sweep,))
+    controls = replace(
+        controls_of(make_exemplar, size, False, distorts), guide=make_exemplar(3, *size, seed=8)
+    )
+    exemplar = ts.Exemplar(make_exemplar(2, 14, 13, seed=1), guide=make_exemplar(3, 14, 13, seed=6))
+    batched = ts.synthesize(exemplar, size, recipe, controls=controls, seed=[3, 4])
+    monkeypatch.setattr("torchsynth.course.schedule", literal_schedule)
+    literal = ts.synthesize(exemplar, size, recipe, controls=controls, seed=[3, 4])
+    assert batched.source.equal(literal.source)
+    assert batched.cost.equal(literal.cost)
+    assert batched.transfer(exemplar.image).equal(batched.image)
 
 
 def test_tileable_sweeps_equal_the_literal_loop(make_exemplar, monkeypatch):
@@ -204,7 +246,7 @@ IMPOSSIBLE = {
     ),
     "up without coarse": (
         {"levels": 1, "sweeps": [{"layers": [{"plane": "target", "template": {"kind": "square", "size": 3}, "up": 1}]}]},
-        "'up' is for the coarse plane; a target layer reads its own level",
+        "'up' is for the coarse planes; a target layer reads its own level",
     ),
 }  # fmt: skip
 
