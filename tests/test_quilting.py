@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 import torch
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
 import torchsynth as ts
 from tests.reference import quilting as literal
-from torchsynth import cli
+from torchsynth import cli, config
 from torchsynth.neighborhood import Plane, quantize
 from torchsynth.patches import matching
 from torchsynth.patches.cut import beyond_cuts, boundary_cut
@@ -290,6 +291,7 @@ HOLE[3:6, 3:6] = True
             lambda: ts.synthesize(PICTURE, (9, 9), QUILT, codebook=ts.train(PICTURE, ts.recipes.wei_levoy_tsvq(levels=1))),
             "codebook: must be given to a recipe that searches with trees",
         ),
+        (lambda: ts.analogy(PICTURE, PICTURE, PICTURE, recipe=QUILT), "guide: must be given to a recipe that compares"),
         (lambda: ts.synthesize(PICTURE, (10**6, 10**6), QUILT), "size: must fit the"),
     ],
 )  # fmt: skip
@@ -322,6 +324,18 @@ def test_channels_by_themselves_and_blurred_seams(make_exemplar):
     changed = (sharp.image != soft.image).any(1)
     assert changed.any()
     assert not changed.all()
+
+
+def test_a_quilt_may_be_the_structure_of_another_recipe(make_exemplar):
+    improved = ts.recipes.improved_wl(levels=2, neighborhood=5, parent=3)
+    quilt = ts.recipes.quilting(block=8, boundary=improved.boundary)
+    recipe = improved.changed(structure=improved.structure.model_copy(update={"recipe": quilt}))
+    told = []
+    result = ts.synthesize(make_exemplar(1), (20, 20), recipe, progress=lambda *one: told.append(one[2:4]))
+    assert result.structure.recipe == quilt
+    assert told[0] == (0, 800)
+    assert told[-1] == (800, 800)
+    assert config.parse_recipe(yaml.safe_load(ts.dump_recipe(recipe)), "x") == recipe
 
 
 def test_what_outputs_take_at_once_is_bounded(make_exemplar, monkeypatch):
