@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import platform
 import re
 import resource
@@ -83,7 +84,8 @@ def measure(case: Case) -> dict[str, float]:
         "us_per_pixel": min(seconds) / (height * width * case.batch) * 1e6,
         "peak_mb": peak,
         "floor_s": min(floors),
-        "ratio": min(seconds) / min(floors),
+        # Patches are not matched by such products.
+        "ratio": min(seconds) / min(floors) if min(floors) > 0 else math.nan,
     }
 
 

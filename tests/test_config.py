@@ -154,8 +154,13 @@ WHOLE = {
     "": "must be a mapping of recipe fields, but it is empty; start from",
     "- a": "must be a mapping of recipe fields, but it is a list",
     "text": "must be a mapping of recipe fields, but it is a str",
-    "levels: 3": "'sweeps' is required, but it is missing; add it",
-    "levels: 3\nsweeps: []": "'sweeps' must have 1 or more, but there is none; add one",
+    "levels: 3": "the recipe: a recipe has sweeps or patches, but this one has neither; change it",
+    "levels: 3\nsweeps: []": "the recipe: a recipe has sweeps or patches, but this one has neither; change it",
+    "sweeps: []": "'levels' is required, but it is missing; add it",
+    "levels: 1\nsweeps: [{layers: []}]": "'sweeps[0].layers' must have 1 or more, but there is none; add one",
+    "levels: 1\npatches: {kind: quilt}": "'patches.kind' must be one of quilting, graphcut, but it is 'quilt'; did you mean 'quilting'?",
+    "levels: 1\npatches: {kind: quilting, blok: 3}": "'patches.blok' must be a known field, but there is no such field; did you mean 'block'?",
+    "levels: 1\npatches: {kind: graphcut, sides: 3}": "'patches.sides' must be a known field, but there is no such field; choose from: k, kind, overlap, patch, refinements",
     "levels: 3\nsweeps: [3]": "'sweeps[0]': input should be an object, but it is 3",
     "levels: 3\nsweeps: {a: 1}": "'sweeps': input should be a valid array, but it is",
     "levels: 3\nsweeps: [{layers: [{plane: result}]}]": "'sweeps[0].layers[0].template' is required",
@@ -179,9 +184,9 @@ def test_a_picture_is_no_recipe(tmp_path):
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ("wei_levi", "wei_levi: must be one of the recipes analogy, ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, improved_wl, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
+        ("wei_levi", "wei_levi: must be one of the recipes analogy, ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, graphcut, improved_wl, quilting, quilting_transfer, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq, or a .yaml file, but "
                      "there is no such recipe; did you mean 'wei_levoy'?"),
-        ("fractal", "there is no such recipe; choose from: analogy, ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, improved_wl, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq"),
+        ("fractal", "there is no such recipe; choose from: analogy, ashikhmin, ashikhmin_multires, ashikhmin_target, coherent_fill, distorted, efros_leung, graphcut, improved_wl, quilting, quilting_transfer, random_order, wei_levoy, wei_levoy_fill, wei_levoy_single, wei_levoy_tsvq"),
         ("nothing.yaml", "nothing.yaml: must be a readable file, but the system says: no such file"),
     ],
 )  # fmt: skip

@@ -56,6 +56,8 @@ CASES = [
     ("coherent_fill", 3, 500, 4, READ),
     ("wei_levoy_fill", 1, 400, 4, KEPT),
     ("efros_leung", 3, 300, 2, READ),
+    ("quilting", 3, 400, 600, KEPT),
+    ("graphcut", 3, 200, 300, KEPT),
 ]
 
 

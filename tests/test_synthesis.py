@@ -162,7 +162,7 @@ def test_a_valid_region_without_a_whole_neighborhood_is_refused():
         ({"levels": 0}, "greater than or equal to 1"),
         ({"levels": 3, "sweeps": [(SMALL.sweeps[0], (0, 1))]}, "no sweep runs on level 2"),
         ({"sweeps": [(SMALL.sweeps[0], (0, 1, 2))]}, "names level 2, but with 2 levels the coarsest is 1"),
-        ({"sweeps": []}, "at least 1 item"),
+        ({"sweeps": []}, "a recipe has sweeps or patches, but this one has neither"),
     ],
 )
 def test_impossible_recipes_are_refused(changes, message):

@@ -24,6 +24,7 @@ from torchsynth.exemplar import Exemplar
 from torchsynth.initial import Noise, RandomSource, SeedPatch
 from torchsynth.io import read_image, write_image
 from torchsynth.neighborhood import Layer
+from torchsynth.patches import GraphCut, Quilting
 from torchsynth.recipe import Recipe, Structure
 from torchsynth.result import Level, Result
 from torchsynth.schedule import OnionPeel, Scanline, Shuffle, Simultaneous
@@ -44,6 +45,7 @@ __all__ = [
     "Controls",
     "Exemplar",
     "Exhaustive",
+    "GraphCut",
     "InputError",
     "Layer",
     "Level",
@@ -51,6 +53,7 @@ __all__ = [
     "OnionPeel",
     "OutputError",
     "PreferCoherent",
+    "Quilting",
     "RandomSource",
     "Recipe",
     "Result",

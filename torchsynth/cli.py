@@ -260,7 +260,7 @@ def _adapted(recipe: Recipe, has_target: bool, passes: int | None, blur_seams: i
             "--passes", "must come with a target to follow", "there is none", "give --target as well"
         )
     if has_target and (passes is not None or not recipe.follows_target):
-        recipe = with_target(recipe, passes=1 if passes is None else passes)
+        recipe = with_target(recipe, passes=passes)
     if blur_seams is not None:
         recipe = config.parse_recipe(
             recipe.model_dump(mode="json", exclude_none=True) | {"blur_seams": blur_seams}, "--blur-seams"

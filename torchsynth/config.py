@@ -296,6 +296,7 @@ def _fields_at(path: Sequence[int | str], data: Any) -> list[str]:  # noqa: ANN4
         place = part["items"] if isinstance(step, int) else part["properties"][step]
         data = data[step]
         choices = place.get("oneOf") or place.get("anyOf") or [place]
+        choices = [one for choice in choices for one in choice.get("oneOf", [choice])]
         named = [parts[choice["$ref"].split("/")[-1]] if "$ref" in choice else choice for choice in choices]
         kind = data.get("kind") if isinstance(data, dict) else None
         matching = [one for one in named if one.get("properties", {}).get("kind", {}).get("const") == kind]

@@ -12,6 +12,7 @@ from torchsynth.index import candidates
 from torchsynth.initial import SeedPatch
 from torchsynth.lattice import Shape
 from torchsynth.neighborhood import (
+    STEPS,
     Layer,
     Planes,
     layer_weights,
@@ -41,9 +42,13 @@ def matching_dtype(recipe: Recipe, channels: int, guide_channels: int = 0) -> to
         >>> matching_dtype(recipes.wei_levoy(), channels=1), matching_dtype(recipes.wei_levoy(), channels=8)
         (torch.float32, torch.float64)
     """
+    # Patches are compared in float64; their pixels only have to be held exactly.
     largest = max(
-        _weighted_features(sweep, channels, guide_channels) * sweep.search.largest_term
-        for sweep in recipe.sweeps
+        (
+            _weighted_features(sweep, channels, guide_channels) * sweep.search.largest_term
+            for sweep in recipe.sweeps
+        ),
+        default=channels * STEPS**2,
     )
     if largest > _EXACT_FLOAT64:
         raise ConfigError(
@@ -80,6 +85,12 @@ def check_target(recipe: Recipe, given: bool) -> None:
         >>> from torchsynth import recipes
         >>> check_target(recipes.wei_levoy(), given=False)
     """
+    if given and recipe.patches is not None and not recipe.follows_target:
+        raise InputError(
+            "target", "must be given to a recipe that follows one",
+            f"the recipe {recipe.name!r} covers the output with patches whatever they show",
+            "use torchsynth.recipes.quilting_transfer(), or with_target(recipe) of a quilting recipe",
+        )  # fmt: skip
     if given and not recipe.follows_target:
         raise InputError(
             "target", "must be given to a recipe that compares it",
@@ -143,6 +154,8 @@ def check_rows(recipe: Recipe, size: Shape) -> None:
         >>> from torchsynth import recipes
         >>> check_rows(recipes.wei_levoy(), (64, 64))
     """
+    if recipe.patches is not None:
+        return
     for level, (height, _) in enumerate(level_shapes(size, recipe.levels)):
         visited = torch.zeros(height, dtype=torch.bool)
         for sweep in recipe.sweeps_at(level):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from torchsynth.checks import check_type
 from torchsynth.errors import ConfigError
 from torchsynth.neighborhood import Layer
+from torchsynth.patches import Quilting
 from torchsynth.recipe import Recipe
 from torchsynth.search import Coherence
 from torchsynth.sweep import Sweep
@@ -12,8 +13,11 @@ from torchsynth.template import Anticausal, Causal, Square
 
 _MOST_PASSES = 20
 
+# As in Efros & Freeman 2001, section 3.
+_PASSES_OF_TRANSFER = 3
 
-def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
+
+def with_target(recipe: Recipe, *, passes: int | None = None) -> Recipe:
     """A recipe that follows a painted target, made of one that does not.
 
     Every sweep that reads its own level also compares the target with the other half of its
@@ -24,8 +28,8 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
     color come out flat, whatever the number of passes: it finds the exemplar's smoothest place.
 
     Args:
-        recipe: Any recipe with a layer on the result plane.
-        passes: From 1 to 20.
+        recipe: Any recipe with a layer on the result plane, or with quilting.
+        passes: From 1 to 20; None means 1, or 3 passes of quilting, which gets smaller blocks from pass to pass.
 
     Raises:
         ConfigError: If no sweep could follow a target, if the recipe makes a guide of its own, or if there are fewer than 1 or more than 20 passes.
@@ -40,6 +44,8 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
         (2, ['result', 'coarse', 'target'])
     """
     check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.wei_levoy()")
+    if passes is None:
+        passes = 1 if recipe.patches is None else _PASSES_OF_TRANSFER
     if not isinstance(passes, int) or not 1 <= passes <= _MOST_PASSES:
         raise ConfigError(
             "passes", f"must be from 1 to {_MOST_PASSES}", f"it is {passes}", "choose a number between them"
@@ -49,6 +55,8 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
             recipe.name, "must have no structure to follow a target", "it makes a guide of its own",
             "use a recipe without, e.g. improved_wl(morphology=False)",
         )  # fmt: skip
+    if recipe.patches is not None:
+        return _transfer(recipe, passes)
     if not any(layer.plane == "result" for sweep in recipe.sweeps for layer in sweep.layers):
         raise ConfigError(
             recipe.name, "must have a layer on the result plane", "there is none", "choose another recipe"
@@ -57,6 +65,18 @@ def with_target(recipe: Recipe, *, passes: int = 1) -> Recipe:
     again = [_again(sweep) for sweep in first if any(layer.plane == "target" for layer in sweep.layers)]
     name = recipe.name if recipe.follows_target else f"{recipe.name} with target"
     return recipe.changed(name=name, sweeps=(*first, *(again * (passes - 1))))
+
+
+def _transfer(recipe: Recipe, passes: int) -> Recipe:
+    """Texture transfer instead of quilting."""
+    if not isinstance(recipe.patches, Quilting):
+        raise ConfigError(
+            recipe.name, "must be able to follow a target", "graph cuts follow none",
+            "use e.g. torchsynth.recipes.quilting_transfer()",
+        )  # fmt: skip
+    name = recipe.name if recipe.follows_target else f"{recipe.name} with target"
+    patches = Quilting.model_validate(dict(recipe.patches) | {"passes": passes})
+    return recipe.changed(name=name, patches=patches)
 
 
 def _whole(recipe: Recipe) -> list[Sweep]:

@@ -87,6 +87,9 @@ def memory_needed(recipe: Recipe, exemplar: Exemplar, size: Shape, outputs: int)
     # A guide's picture, in float64 while its pyramid is made, and matching values.
     pixel += guide_channels * (8 + samples.element_size() + item)
     shared = 160
+    if recipe.patches is not None:
+        patches = recipe.patches.memory((exemplars, channels, height, width), size, recipe.boundary, outputs)
+        return math.prod(size) * outputs * pixel + samples.numel() * (8 + item) + patches
     fitted = _fitted_bytes(recipe, exemplar, item)
     features = max(_features(sweep.layers, channels, guide_channels) for sweep in recipe.sweeps)
     # Positions as int64, vectors, and copies of both while they are put together.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
 from torchsynth._typing import Image, Region
 from torchsynth.initial import Initial, Noise
@@ -12,6 +13,7 @@ from torchsynth.lattice import Boundary
 from torchsynth.morphology import Operation, chosen, widened
 from torchsynth.neighborhood import layers_at
 from torchsynth.part import Part
+from torchsynth.patches import Patches
 from torchsynth.schedule import Simultaneous, goes_around
 from torchsynth.sweep import Sweep
 from torchsynth.template import Side
@@ -69,6 +71,8 @@ class Recipe(Part):
         boundary: ``torus`` outputs tile; ``open`` ones have borders like the exemplar's.
         initial: What each level shows before its first sweep.
         sweeps: The passes over each level, in order.
+        patches: How whole patches are copied, in place of sweeps over pixels; on one level, and without an
+            ``initial`` picture.
         blur_seams: Blur the finished picture along the boundaries of its patches, with a binomial kernel
             of so many pixels. Its pixels there are then no copies. Source: Ashikhmin 2001, section 5.
         dynamic_range: ``finest`` stretches the values of every level to the range of the finest one: blurred
@@ -90,14 +94,31 @@ class Recipe(Part):
     levels: Annotated[int, Field(ge=1, le=16)]
     boundary: Boundary = "torus"
     initial: Initial = Noise()
-    sweeps: Annotated[tuple[Sweep, ...], Field(min_length=1, strict=False)]
+    sweeps: Annotated[tuple[Sweep, ...], Field(strict=False)] = ()
+    patches: Patches | None = None
     blur_seams: Annotated[Side, Field(ge=3, le=15)] | None = None
     dynamic_range: Literal["own", "finest"] = "own"
     structure: Structure | None = None
     channels: Literal["joint", "separate"] = "joint"
 
     @model_validator(mode="after")
+    def _sweeps_or_patches(self) -> Recipe:
+        if self.patches is None:
+            if not self.sweeps:
+                raise ValueError("a recipe has sweeps or patches, but this one has neither")
+            return self
+        if self.sweeps:
+            raise ValueError("a recipe has sweeps or patches, but this one has both")
+        if self.levels > 1:
+            raise ValueError(f"patches are copied on one level, but there are {self.levels}")
+        if self.initial != Noise():
+            raise ValueError("patches cover whatever an output starts from, but there is an 'initial'")
+        return self
+
+    @model_validator(mode="after")
     def _every_level_is_swept(self) -> Recipe:
+        if self.patches is not None:
+            return self
         for sweep in self.sweeps:
             named = () if isinstance(sweep.levels, str) else sweep.levels or ()
             beyond = [level for level in named if level >= self.levels]
@@ -174,6 +195,13 @@ class Recipe(Part):
             )
         return self
 
+    @model_serializer(mode="wrap")
+    def _only_what_counts(self, serialize: Callable[[Recipe], dict[str, Any]]) -> dict[str, Any]:
+        fields = serialize(self)
+        if self.patches is not None:
+            return {name: value for name, value in fields.items() if name not in ("initial", "sweeps")}
+        return fields
+
     def changed(self, **fields: object) -> Recipe:
         """The recipe with other values of some fields, checked like any other.
 
@@ -204,7 +232,9 @@ class Recipe(Part):
 
     @property
     def follows_target(self) -> bool:
-        """Whether any sweep compares a target."""
+        """Whether any sweep compares a target, or patches do."""
+        if self.patches is not None:
+            return self.patches.follows_target
         return any(layer.plane == "target" for sweep in self.sweeps for layer in sweep.layers)
 
     @property

@@ -17,6 +17,7 @@ from torchsynth.canvas import Canvas
 from torchsynth.codebook import Codebook
 from torchsynth.controls import Controls
 from torchsynth.course import to_visit
+from torchsynth.covering import cover
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.lattice import Boundary, Shape
@@ -178,6 +179,8 @@ def _check_structure(
 
 def _visits(recipe: Recipe, size: Shape) -> int:
     """How many pixels all sweeps of all levels visit."""
+    if recipe.patches is not None:
+        return math.prod(size) * recipe.patches.sweeps
     return sum(
         len(visited_rows(sweep.rows, height)) * width
         for level, (height, width) in enumerate(level_shapes(size, recipe.levels))
@@ -240,6 +243,9 @@ def _run(
 ) -> list[Image]:
     """All sweeps of all levels, coarse to fine; returns the picture each level started from."""
     recipe, codebook = task.recipe, task.codebook
+    if recipe.patches is not None:
+        cover(canvases[0], recipe, generators, progress)
+        return [canvases[0].start]
     passes = [
         (level, number, sweep)
         for level in reversed(range(recipe.levels))

@@ -13,6 +13,7 @@ from torchsynth._typing import Frames, Image, Region
 from torchsynth.canvas import Canvas
 from torchsynth.codebook import Codebook
 from torchsynth.controls import Controls
+from torchsynth.covering import check_plain
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.exemplar_levels import ExemplarLevels, stretched
@@ -24,6 +25,7 @@ from torchsynth.feasibility import (
     check_target,
     matching_dtype,
 )
+from torchsynth.initial import RandomSource
 from torchsynth.lattice import Shape
 from torchsynth.memory import check_memory
 from torchsynth.neighborhood import Plane, output_plane
@@ -91,6 +93,8 @@ class Task:
         initial, target, guide = check_pictures(exemplar, size, controls, len(seeds))
         if recipe.blur_seams is not None:
             check_straight("blur_seams", controls.distorts)
+        if recipe.patches is not None:
+            check_plain(recipe, controls, codebook is not None)
         check_target(recipe, target is not None)
         check_guide(recipe, exemplar.guides, guide)
         check_memory(recipe, exemplar, size, len(seeds))
@@ -103,6 +107,8 @@ class Task:
             around = surroundings_of(initial, controls.hole, controls.exemplar_at, recipe, levels.stretch)
         check_growing(recipe, None if around is None else [one.known for one in around])
         check_candidates(recipe, levels.planes)
+        if recipe.patches is not None:
+            recipe.patches.check(levels.planes.result[0], size, recipe.boundary)
         if codebook is not None:
             codebook.check(exemplar, recipe, levels.planes)
         return cls(recipe, size, controls, codebook, levels, initial, target, guide, around)
@@ -120,7 +126,9 @@ class Task:
         """
         recipe, images, planes = self.recipe, self.levels.images, self.levels.planes.result
         if self.initial is None or self.surroundings is not None:
-            starts = recipe.initial.start(images, self.size, recipe.boundary, generators)
+            # Patches cover all there is: it begins black.
+            initial = RandomSource() if recipe.patches is not None else recipe.initial
+            starts = initial.start(images, self.size, recipe.boundary, generators)
         else:
             starts = stretched(self._pyramid(self.initial), self.levels.stretch)
         canvases = []

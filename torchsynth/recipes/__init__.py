@@ -11,6 +11,7 @@ from torchsynth.recipes.causal import wei_levoy, wei_levoy_single, wei_levoy_tsv
 from torchsynth.recipes.coherent import ashikhmin, ashikhmin_multires, ashikhmin_target
 from torchsynth.recipes.filling import coherent_fill, efros_leung, wei_levoy_fill
 from torchsynth.recipes.improved import improved_wl
+from torchsynth.recipes.patches import graphcut, quilting, quilting_transfer
 from torchsynth.recipes.symmetric import distorted, random_order
 
 RECIPES: dict[str, Callable[[], Recipe]] = {
@@ -27,6 +28,9 @@ RECIPES: dict[str, Callable[[], Recipe]] = {
     "distorted": distorted,
     "improved_wl": improved_wl,
     "analogy": analogy,
+    "quilting": quilting,
+    "quilting_transfer": quilting_transfer,
+    "graphcut": graphcut,
 }
 """The recipes by name, with their default parameters."""
 
@@ -39,7 +43,10 @@ __all__ = [
     "coherent_fill",
     "distorted",
     "efros_leung",
+    "graphcut",
     "improved_wl",
+    "quilting",
+    "quilting_transfer",
     "random_order",
     "wei_levoy",
     "wei_levoy_fill",
