@@ -18,7 +18,7 @@ def objects() -> Pixels:
         "W+N": improved(morphology=False),
         "W+N+M": improved(),
     }
-    rows = []
+    rows: list[Pixels] = []
     for name in ("gravel", "pebbles", "brick"):
         sample = ts.read_image(f"sample:{name}")
         outputs = {
@@ -41,7 +41,9 @@ def analogies() -> Pixels:
     drawn = drawing(pebbles)
     filtered = ts.analogy(pebbles, drawn, gravel).image[0]
     labels, both, wanted = painting_by_numbers()
-    painted = ts.analogy(labels, both, wanted, ts.recipes.analogy(guide_weight=8, kappa=2.0)).image[0]
+    painted = ts.analogy(
+        labels, both, wanted, ts.recipes.analogy(guide=3, coarse_guide=1, guide_weight=16, kappa=2.0)
+    ).image[0]
     return in_a_column(
         [
             in_a_row([labelled(shown(one), head) for one, head in zip(row, heads, strict=True)])

@@ -10,6 +10,7 @@ from tests.reference import analogy as literal_analogy
 from tests.reference import improved_wei_levoy
 from torchsynth.analogy import label_channels
 from torchsynth.morphology import chosen, widened
+from torchsynth.search import exhaustive
 
 
 def _noise(seed, channels, size):
@@ -352,3 +353,21 @@ def test_a_structure_gets_the_boundary_of_its_recipe():
 
 def test_parameters_of_a_recipe_with_a_structure_reach_it():
     assert ts.load_recipe("improved_wl", ["levels=2", "size=5"]) == ts.recipes.improved_wl(levels=2, size=5)
+
+
+def test_many_equally_good_candidates_are_not_sifted_one_by_one(make_exemplar, monkeypatch):
+    """Of a map of two labels half of all candidates are equally good: that took minutes."""
+    computed = []
+    exact = exhaustive._exact_costs
+    monkeypatch.setattr(exhaustive, "_exact_costs", lambda *given: computed.append(1) or exact(*given))
+    a = torch.zeros(24, 24, dtype=torch.uint8)
+    a[:, 12:] = 1
+    a_prime = make_exemplar(1, 24, 24)
+    recipe = ts.recipes.analogy(levels=2, neighborhood=3, guide_weight=100)
+    quickly = ts.analogy(a, a_prime, a[:, 6:18], recipe)
+    assert computed
+    monkeypatch.setattr("torchsynth.search.base.TABLE_BUDGET", 0)
+    assert ts.analogy(a, a_prime, a[:, 6:18], recipe).source.equal(quickly.source)
+    monkeypatch.undo()
+    monkeypatch.setattr("torchsynth.search.sieve._FEW", 0)
+    assert ts.analogy(a, a_prime, a[:, 6:18], recipe).source.equal(quickly.source)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, Literal
 
 import torch
@@ -40,6 +41,7 @@ class ExhaustiveState:
             searches would cost a tenth of the time.
         sieve: Where costs are exact in float64 only, and there is a table: that is in float32, and this
             finds those candidates of which the exact costs are needed.
+        complete: Whether every feature of every query is readable.
     """
 
     index: Index
@@ -47,11 +49,20 @@ class ExhaustiveState:
     columns: int
     workspace: Float[Tensor, " size"]
     sieve: Sieve | None = None
+    complete: bool = False
 
     @property
     def width(self) -> int:
         """How many costs a query has."""
         return -(-len(self.index.sites) // self.columns) * self.columns
+
+    @cached_property
+    def exact(self) -> Float[Tensor, "blocks rows columns"] | None:
+        """The table in float64, made when it is first needed; None where it would take too much memory."""
+        rows = _rows(len(self.index.weights), self.complete)
+        if not table_fits(self.index.exemplars * self.width * rows * 2 * _ITEM):
+            return None
+        return _table(self.index, self.width // self.columns, rows, self.columns, torch.float64)
 
 
 class Exhaustive(Part):
@@ -102,19 +113,21 @@ class Exhaustive(Part):
         blocks, rows = -(-number // columns), _rows(features, complete)
         table, sieve, dtype = None, None, index.dtype
         if table_fits(index.exemplars * blocks * columns * rows * _ITEM):
-            table, dtype = _table(index, blocks, rows, columns), torch.float32
+            table, dtype = _table(index, blocks, rows, columns, torch.float32), torch.float32
             if index.dtype != dtype:
                 lengths = table[:, features]
                 longest = float(lengths[lengths.isfinite()].max().double().sqrt())
                 sieve = Sieve(longest * (1 + 1e-6), rows)
         capacity = max(1, MEMORY_BUDGET // (blocks * columns * dtype.itemsize))
         workspace = torch.empty(capacity * blocks * columns, dtype=dtype, device=index.sites.device)
-        return ExhaustiveState(index, table, columns, workspace, sieve)
+        return ExhaustiveState(index, table, columns, workspace, sieve, complete)
 
     def memory(self, volume: Volume) -> int:
         """About how many bytes fitting takes, and at most so many."""
         table = volume.candidates * _rows(volume.features, volume.complete) * _ITEM
-        return table if table_fits(table) else 0
+        # One in float64 may be needed as well, where costs are exact in that only.
+        exact = 2 * table if volume.item > _ITEM else 0
+        return sum(size for size in (table, exact) if table_fits(size))
 
     def capacity(self, state: ExhaustiveState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
@@ -138,10 +151,24 @@ class Exhaustive(Part):
                 _streamed(state, query, state.workspace.new_empty(needed) if out is None else out)
             )
         # Unreadable neighbors drop out of the candidates' lengths too, query by query.
-        queries = query.features if query.extended is None else query.extended
-        table = state.table[:, : queries.shape[2]]
-        cost = _product(queries.to(table.dtype), table, state.index.exemplars, out)
-        return Proposals(cost) if state.sieve is None else state.sieve.sift(state.index, cost, query)
+        cost = _costs(state, state.table, query, out)
+        if state.sieve is None:
+            return Proposals(cost)
+        return state.sieve.sift(state.index, cost, query) or Proposals(_exact_costs(state, query))
+
+
+def _costs(state: ExhaustiveState, table: Tensor, query: Query, out: Tensor | None = None) -> Costs:
+    """The costs by a table, in its type."""
+    queries = query.features if query.extended is None else query.extended
+    return _product(queries.to(table.dtype), table[:, : queries.shape[2]], state.index.exemplars, out)
+
+
+def _exact_costs(state: ExhaustiveState, query: Query) -> Costs:
+    """The costs of all candidates in float64."""
+    if state.exact is not None:
+        return _costs(state, state.exact, query)
+    batch, sites, _ = query.features.shape
+    return _streamed(state, query, query.features.new_empty(batch * sites * state.width))
 
 
 def _rows(features: int, complete: bool) -> int:
@@ -149,10 +176,12 @@ def _rows(features: int, complete: bool) -> int:
     return features + 1 if complete else 2 * features + 1
 
 
-def _table(index: Index, blocks: int, rows: int, columns: int) -> Float[Tensor, "blocks rows columns"]:
+def _table(
+    index: Index, blocks: int, rows: int, columns: int, dtype: torch.dtype
+) -> Float[Tensor, "blocks rows columns"]:
     """The table of :class:`ExhaustiveState`."""
     weights, features = index.weights.to(index.dtype).unsqueeze(1), len(index.weights)
-    table = torch.empty(index.exemplars, blocks, rows, columns, device=weights.device)
+    table = torch.empty(index.exemplars, blocks, rows, columns, dtype=dtype, device=weights.device)
     for some in index.slices(columns):
         vectors = pad(index.vectors(some), (0, 0, 0, -some.stop % columns))
         vectors = vectors.view(index.exemplars, -1, columns, features).mT

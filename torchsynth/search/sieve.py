@@ -23,6 +23,9 @@ _ROUNDING = 2.0**-24
 # Weights, and the candidates' lengths, are rounded themselves before they are multiplied and added.
 _MORE_ROUNDINGS = 4
 
+# Candidates that are left, one by one, take about so many times as long as all of them together.
+_FEW = 32
+
 
 class Sieve(NamedTuple):
     """What bounds the errors of approximate costs.
@@ -48,7 +51,7 @@ class Sieve(NamedTuple):
 
     def sift(
         self, index: Index, approximate: Float[Tensor, "batch sites *places"], query: Query
-    ) -> Proposals:
+    ) -> Proposals | None:
         """The candidates that may be within a query's tolerance of the best, with their exact costs.
 
         Args:
@@ -58,7 +61,8 @@ class Sieve(NamedTuple):
 
         Returns:
             Proposals in the order of the candidates; infinite costs fill up the rows of queries that
-            are left with fewer than others.
+            are left with fewer than others. None if so many are left that computing all of them exactly
+            would take less time: of a map of few labels, thousands may be equally good.
         """
         weights = index.weights.to(index.dtype)
         features = query.features[..., :-1]
@@ -71,6 +75,8 @@ class Sieve(NamedTuple):
         bound = torch.nextafter(limit.float(), torch.full_like(limit, torch.inf).float())
         bound = bound.clamp(max=torch.finfo(bound.dtype).max)  # infinite costs stand for no candidate
         asking, found = (flat <= bound.unsqueeze(2)).flatten(0, 1).nonzero().unbind(1)
+        if len(asking) * _FEW > flat.numel():
+            return None
         cost = _exact(index, query, asking, found)
         return _packed(cost, asking, found, flat.shape[0], flat.shape[1])
 
