@@ -41,9 +41,8 @@ def analogies() -> Pixels:
     drawn = drawing(pebbles)
     filtered = ts.analogy(pebbles, drawn, gravel).image[0]
     labels, both, wanted = painting_by_numbers()
-    painted = ts.analogy(
-        labels, both, wanted, ts.recipes.analogy(guide=3, coarse_guide=1, guide_weight=16, kappa=2.0)
-    ).image[0]
+    recipe = ts.recipes.analogy(neighborhood=9, parent=5, guide=3, coarse_guide=1, guide_weight=4, kappa=10.0)
+    painted = ts.analogy(labels, both, wanted, recipe).image[0]
     return in_a_column(
         [
             in_a_row([labelled(shown(one), head) for one, head in zip(row, heads, strict=True)])
