@@ -371,3 +371,9 @@ def test_many_equally_good_candidates_are_not_sifted_one_by_one(make_exemplar, m
     monkeypatch.undo()
     monkeypatch.setattr("torchsynth.search.sieve._FEW", 0)
     assert ts.analogy(a, a_prime, a[:, 6:18], recipe).source.equal(quickly.source)
+
+
+def test_squares_larger_than_the_exemplar_are_told(make_exemplar):
+    recipe = ts.recipes.improved_wl(levels=1, neighborhood=3, size=17)
+    with pytest.raises(ts.InputError, match="a square that fits the exemplar, 16x20, but its side is 17"):
+        ts.synthesize(make_exemplar(1, 16, 20), (8, 8), recipe)

@@ -175,6 +175,12 @@ def _check_structure(
                 f"the recipe {recipe.name!r} has a structure",
                 "use a recipe without, e.g. torchsynth.recipes.improved_wl(morphology=False)",
             )  # fmt: skip
+    side = None if recipe.structure is None else recipe.structure.size
+    if isinstance(side, int) and side > min(exemplar.shape):
+        raise InputError(
+            "structure", f"edges must be widened by a square that fits the exemplar, {exemplar.shape[0]}x{exemplar.shape[1]}",
+            f"its side is {side}", "use a smaller size, or 'auto'",
+        )  # fmt: skip
 
 
 def _visits(recipe: Recipe, size: Shape) -> int:
