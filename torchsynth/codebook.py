@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -38,6 +38,7 @@ from torchsynth.versions import versions
 SUFFIX = ".safetensors"
 
 _KEY = "torchsynth_codebook"
+_EXEMPLAR = "exemplar"
 _REMEDY = "train one for it, with torchsynth.train or 'torchsynth train'"
 
 
@@ -223,6 +224,29 @@ class Codebook:
                 "check the path, or train it again",
             ) from None  # fmt: skip
         return cls(header.exemplar, trees, header.versions, hashlib.sha256(data).hexdigest())
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All that it knows as tensors, by name: the trees, and the exemplar's hash as 32 bytes.
+
+        Example:
+            >>> import torchsynth as ts
+            >>> book = ts.train(torch.rand(1, 16, 16), ts.recipes.wei_levoy_tsvq(levels=1))
+            >>> Codebook.of_tensors(tuple(book.trees), book.tensors()).exemplar == book.exemplar
+            True
+        """
+        digest = torch.tensor(list(bytes.fromhex(self.exemplar)), dtype=torch.uint8)
+        return {**_named(self.trees.values()), _EXEMPLAR: digest}
+
+    @classmethod
+    def of_tensors(cls, trained: Sequence[Training], tensors: Mapping[str, Tensor]) -> Codebook:
+        """The codebook of which these are the :meth:`tensors`.
+
+        Args:
+            trained: What its trees were trained for, in their order.
+            tensors: All of them.
+        """
+        exemplar = bytes(tensors[_EXEMPLAR].tolist()).hex()
+        return cls(exemplar, {training: _tree(tensors, n) for n, training in enumerate(trained)})
 
     def tree(self, sweep: Sweep, level: int, recipe: Recipe) -> Tree | None:
         """The tree for a sweep of a recipe at one level; None if it does not search with trees."""
