@@ -200,25 +200,24 @@ def test_datasets_of_nothing_are_told(given, message):
 
 def test_a_network_learns_textures_apart():
     """A tiny classifier trained on synthesized textures of two samples, and tried on others of them."""
-    textures = TextureDataset(["sample:brick", "sample:grass"], [ASHIKHMIN], (16, 16), range(24))
+    noise = torch.rand(1, 12, 12, generator=torch.Generator().manual_seed(1))
+    samples = {"dark": noise / 2, "bright": 0.5 + noise / 2}
     torch.manual_seed(0)
     network = nn.Sequential(
-        nn.Conv2d(1, 8, 3),
-        nn.BatchNorm2d(8),
-        nn.ReLU(),
-        nn.AdaptiveAvgPool2d(1),
-        nn.Flatten(),
-        nn.Linear(8, 2),
+        nn.Conv2d(1, 4, 3), nn.Tanh(), nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Linear(4, 2)
     )
     optimizer = torch.optim.Adam(network.parameters(), 0.05)
-    loader = DataLoader(textures, batch_size=16, shuffle=True, generator=torch.Generator().manual_seed(0))
-    for _ in range(8):
+    textures = TextureDataset(samples, [ASHIKHMIN], (8, 8), range(8))
+    loader = DataLoader(textures, batch_size=8, shuffle=True, generator=torch.Generator().manual_seed(0))
+    losses = []
+    for _ in range(12):
         for batch in loader:
             loss = nn.functional.cross_entropy(network(batch["image"]), batch["exemplar"])
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
-    network.eval()
-    tried = TextureDataset(["sample:brick", "sample:grass"], [ASHIKHMIN], (16, 16), range(100, 108))
-    batch = next(iter(DataLoader(tried, batch_size=16)))
-    assert (network(batch["image"]).argmax(1) == batch["exemplar"]).float().mean() > 0.9
+            losses.append(loss.item())
+    assert losses[-1] < losses[0] / 3
+    others = TextureDataset(samples, [ASHIKHMIN], (8, 8), range(100, 104))
+    batch = next(iter(DataLoader(others, batch_size=8)))
+    assert network(batch["image"]).argmax(1).equal(batch["exemplar"])
