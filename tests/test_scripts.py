@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -278,6 +279,143 @@ def test_the_tsvq_report_asks_for_the_middle_of_a_large_picture(report, make_exe
     image = make_exemplar(3, 74, 80)
     ts.write_image(image, "wide.png")
     assert torch.equal(module.middle_of(Path("wide.png")), image[:, 1:73, 4:76])
+
+
+@pytest.fixture
+def textures(make_exemplar):
+    """A folder of a colored picture, a large gray one, and one that is too small."""
+    Path("pictures").mkdir()
+    for name, shape in {"red": (3, 24, 28), "wide": (1, 48, 60), "tiny": (1, 9, 30)}.items():
+        ts.write_image(make_exemplar(*shape), f"pictures/{name}.png")
+    Path("pictures/notes.txt").write_text("no picture")
+    return ["--textures", "pictures", "--out", "made"]
+
+
+def test_exemplars_are_gray_shrunk_and_cropped(script, make_exemplar):
+    module = script("exemplars")
+    image = make_exemplar(4, 48, 60)
+    halved = image[:3].mean(0).unfold(0, 2, 2).unfold(1, 2, 2).mean((2, 3))
+    torch.testing.assert_close(module.exemplar(image, 20)[0], halved[2:22, 5:25])
+    assert module.exemplar(image, 32).shape == (1, 32, 32)  # shrunk by two thirds only
+    torch.testing.assert_close(module.exemplar(image[:2], 64), image[:1])
+
+
+@pytest.mark.parametrize(("side", "levels"), [(128, 4), (127, 3), (64, 3), (40, 2), (31, 1), (15, 1)])
+def test_the_coarsest_level_has_sixteen_pixels(script, side, levels):
+    assert script("exemplars").Texture("any", torch.zeros(1, side, 200)).levels == levels
+
+
+def test_the_first_experiment(script, textures, capsys):
+    script("experiments", "first", *textures, "--size", 24, "--seeds", 2).main()
+    printed = capsys.readouterr().out
+    assert "tiny.png is left out: it has fewer than 24 pixels a side" in printed
+    assert "2 of 2: wide, 24x24, 1 level" in printed
+    lines = [line.split(",") for line in Path("made/measures.csv").read_text().splitlines()]
+    methods = ["WL", "Ashikhmin", "W", "W+N", "W+N+M"]
+    assert [line[:2] for line in lines[1:]] == [
+        [texture, method] for texture in ("red", "wide", "mean") for method in methods
+    ]
+    gray = ts.read_image("pictures/red.png").mean(0, keepdim=True)[:, :, 2:26]
+    result = ts.synthesize(gray, (24, 24), ts.recipes.wei_levoy(levels=1), seed=[0, 1])
+    found = ts.metrics.measure(result.image, gray, result.source)
+    assert float(lines[1][2]) == pytest.approx(found.patch_distance.mean().item(), abs=1e-3)
+    assert float(lines[1][-2]) == pytest.approx(found.seam[:, 0].mean().item(), abs=1e-3)
+    # Two seeds below each other, enlarged twice; the exemplar and five methods side by side.
+    made = pixels("made/sheets/red.png")
+    assert made.shape == (2 * (48 + 16) + 8, 6 * 48 + 5 * 8, 3)
+    assert (made[16:64:2, 56:104:2, 0] == (result.image[0, 0] * 255).round().numpy()).all()
+
+
+def test_the_second_experiment(script, textures):
+    pytest.importorskip("scipy")
+    given = ["--size", 24, "--seeds", 1, "--block", 9, "--only", "wide", "--jobs", 2]
+    script("experiments", "second", *textures, *given).main()
+    page = Path("made/index.html").read_text()
+    assert 'src="sheets/wide.png"' in page
+    assert "http" not in page
+    assert "<script" not in page
+    assert pixels("made/sheets/wide.png").shape == (96 + 16, 48 + 3 * 96 + 3 * 8, 3)
+    assert "wide,graph cut," in Path("made/measures.csv").read_text()
+
+
+def test_timing(script, textures, monkeypatch):
+    recipes = ts.recipes
+    module = script("experiments", "timing", *textures, "--repeats", 1)
+    timings = module.timings
+    monkeypatch.setattr(timings, "SIDE", 24)
+    plain = timings.Case("plain", 16, 12, recipes.wei_levoy(levels=1), "2190", "a table")
+    grown = timings.Case("trees", 16, 12, recipes.wei_levoy_tsvq(levels=1))
+    monkeypatch.setattr(timings, "reported_cases", lambda: [plain])
+    monkeypatch.setattr(timings, "set_cases", lambda _: [plain, grown])
+    module.main()
+    line = Path("made/reported.csv").read_text().splitlines()[1].split(",")
+    assert [line[0], *line[1:3], *line[4:]] == ["plain", "16x16", "12x12", "2190", "a table"]
+    assert 0 < float(line[3]) < 60
+    (first, second) = (line.split(",") for line in Path("made/sets.csv").read_text().splitlines()[1:])
+    assert (first[0], first[2]) == ("plain", "1.00")
+    whole, training, synthesis = (float(one) for one in re.findall(r"[\d.]+", second[1]))
+    assert whole == pytest.approx(training + synthesis, abs=0.02)
+    assert "2190" in Path("made/index.html").read_text()
+
+
+def test_a_pass_is_timed_by_what_it_adds(script, make_exemplar, monkeypatch):
+    module = script("timings")
+    # A clock of our own: a second for each sweep.
+    monkeypatch.setattr(module, "best_of", lambda _, work: work())
+    monkeypatch.setattr(module, "_synthesize", lambda _exemplar, _side, recipe: float(len(recipe.sweeps)))
+    once, often = (ts.recipes.ashikhmin_target(passes=passes) for passes in (1, 3))
+    case = module.Case("passes", 12, 14, often, without=once)
+    assert module.timed(case, make_exemplar(1, 12, 12), 1).seconds == 2
+
+
+def test_who_wins(script):
+    module = script("comparison")
+    values = {name: [0.5] * len(module.MEASURES) for name in ("one", "other")}
+    names = [one.name for one in module.MEASURES]
+    for name, (one, other) in {
+        "patch distance": (0.4, 0.6), "sharpness": (0.8, 1.1), "coverage": (0.3, 0.2),
+        "seam top-bottom": (0.9, 0.5), "verbatim": (0.001, 0.004),
+    }.items():  # fmt: skip
+        values["one"][names.index(name)], values["other"][names.index(name)] = one, other
+    won = dict(zip(names, module.winners(values), strict=True))
+    assert won["patch distance"] == won["coverage"] == {"one"}
+    assert won["sharpness"] == {"other"}
+    # Seams below 1 are no better than 1, and what is shown as equal is equal.
+    assert won["seam top-bottom"] == won["verbatim"] == {"one", "other"}
+
+
+WRONG_EXPERIMENTS = [
+    (["--textures", "none"], "must be a folder, but none is none"),
+    (["--textures", "empty"], "must hold pictures"),
+    (["--only", "none"], "there is no 'none'"),
+    (["--without", "red", "wide", "tiny"], "must leave pictures"),
+    (["--only", "tiny"], "must hold pictures of 24x24 pixels or more"),
+    (["--out", "pictures"], "there is something in pictures; give another folder, or --overwrite"),
+    (["--out", "pictures/notes.txt"], "is a file"),
+    (["--seeds", "0"], "must be at least 1, but it is 0"),
+    (["--block", "2"], "must be at least 3, but it is 2"),
+    (["--block", "50"], "50"),
+]
+
+
+@pytest.mark.parametrize(("given", "said"), WRONG_EXPERIMENTS)
+def test_a_wrong_argument_of_an_experiment_is_one_clear_line(script, textures, capsys, given, said):
+    Path("empty").mkdir()
+    module = script("experiments", "second", *textures, "--size", 24, *given)
+    with pytest.raises(SystemExit, match=r"^2$"):
+        module.main()
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.startswith("experiments.py")
+    assert said in line
+
+
+def test_a_picture_that_cannot_be_read_is_one_clear_line(script, textures, capsys):
+    Path("pictures/broken.png").write_text("no picture")
+    module = script("experiments", "first", *textures)
+    with pytest.raises(SystemExit, match=r"^2$"):
+        module.main()
+    assert "broken.png" in capsys.readouterr().err
+    assert not Path("made").exists()
 
 
 WRONG = [
