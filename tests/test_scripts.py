@@ -368,6 +368,12 @@ def test_a_pass_is_timed_by_what_it_adds(script, make_exemplar, monkeypatch):
     assert module.timed(case, make_exemplar(1, 12, 12), 1).seconds == 2
 
 
+def test_rows_that_differ_are_usual_seams(script):
+    rows = torch.tensor([0.0, 1.0] + [1.0] * 8 + [0.5])  # steps of 1, 0 eight times, and 0.5
+    usual = script("comparison_report").usual_seam(rows.view(1, -1, 1).expand(1, 11, 5))
+    assert usual == pytest.approx((0.5 + 0.1 * 0.5) / 0.15)
+
+
 def test_who_wins(script):
     module = script("comparison")
     values = {name: [0.5] * len(module.MEASURES) for name in ("one", "other")}
