@@ -18,16 +18,20 @@ from __future__ import annotations
 import numpy as np
 
 from tests.reference import improved_wei_levoy
-from tests.reference.ashikhmin import above, causal, mothers, moved, square, valid
+from tests.reference.ashikhmin import above, around, causal, mothers, moved, square, valid
 from tests.reference.efros_leung import visible
 from tests.reference.improved_wei_levoy import prepared, scan
 from tests.reference.wei_levoy import pyramid
 
 
 def synthesize(
-    a, a_prime, b, noise, levels, neighborhood, parent, guide, coarse_guide=None, torus=False, kappa=None
+    a, a_prime, b, noise, levels, neighborhood, parent, guide, coarse_guide=None, torus=False, kappa=None,
+    tileable=False,
 ):  # fmt: skip
     """The finest level's sources in A', (OH, OW, 2).
+
+    ``tileable`` leaves the last rows of each level, on a torus, to a pass that compares what is known of the
+    square around a pixel, and goes on to the first rows.
 
     ``a`` is (G, H, W), ``a_prime`` (C, H, W), ``b`` (G, OH, OW) and ``noise`` (C, OH, OW), all in float64.
     ``neighborhood`` is causal, of B'; ``parent`` square, of B' one level up; ``guide`` square, of B;
@@ -35,12 +39,13 @@ def synthesize(
     preference for coherence.
     """
     return canvases(
-        a, a_prime, b, noise, levels, neighborhood, parent, guide, coarse_guide, torus, kappa
+        a, a_prime, b, noise, levels, neighborhood, parent, guide, coarse_guide, torus, kappa, tileable
     )[0].source  # fmt: skip
 
 
 def canvases(
-    a, a_prime, b, noise, levels, neighborhood, parent, guide, coarse_guide=None, torus=False, kappa=None
+    a, a_prime, b, noise, levels, neighborhood, parent, guide, coarse_guide=None, torus=False, kappa=None,
+    tileable=False,
 ):  # fmt: skip
     """All levels of B', from fine to coarse."""
     results = prepared(pyramid(a_prime, levels, "reflect"), noise, torus)
@@ -52,7 +57,7 @@ def canvases(
                 (results[level + 1], side(parent), True),
                 (guides[level + 1], side(coarse_guide), True),
             ]
-        fill(results[level], layers, neighborhood, None if kappa is None else kappa * 2.0**-level)
+        fill(results[level], layers, neighborhood, None if kappa is None else kappa * 2.0**-level, tileable)
     return results
 
 
@@ -60,11 +65,24 @@ def side(size):
     return [] if size is None else square(size)
 
 
-def fill(result, layers, neighborhood, extra):
+def fill(result, layers, neighborhood, extra, tileable=False):
     """One level of B', row by row; ``layers`` are canvas, offsets, and whether it is one level up."""
+    height, half = len(result.known), neighborhood // 2
+    bottom = half if tileable else 0
+    begin = max(0, height - bottom)
+    visit(result, scan(result, range(begin), half), layers, neighborhood, extra)
+    last, first = range(begin, height), range(min(bottom, height))
+    band = [*last, *(row for row in first if row not in last)]
+    # These rows count from the first of them: it starts at the left.
+    places = ((band[row], column) for row, column in scan(result, range(len(band)), half))
+    visit(result, places, [(result, around(neighborhood), False), *layers[1:]], neighborhood, extra, True)
+
+
+def visit(result, places, layers, neighborhood, extra, only_known=False):
     choices = candidates(layers)
-    for place in scan(result, range(len(result.known)), neighborhood // 2):
-        costs = {one: difference(layers, place, one) for one in choices}
+    for place in places:
+        known = result.known if only_known else None
+        costs = {one: difference(layers, place, one, result, known) for one in choices}
         best = min(choices, key=costs.get)
         if extra is not None:
             offers = coherent(result, place, causal(neighborhood), choices)
@@ -83,13 +101,17 @@ def candidates(layers):
     return valid(samples[False], samples[True], offsets[False], offsets[True])
 
 
-def difference(layers, place, candidate):
+def difference(layers, place, candidate, result, known):
+    """The squared differences; of B' itself only those of known pixels, unless all count."""
     total = 0
     for canvas, offsets, up in layers:
-        if up:
-            total += mothers(canvas, place, candidate, offsets)
-        else:
-            total += above(canvas, lambda offset, at=canvas.at: at(*moved(place, offset)), candidate, offsets)
+
+        def seen(offset, canvas=canvas):
+            there = canvas.at(*moved(place, offset))
+            left_out = there is not None and known is not None and canvas is result and not known[there]
+            return None if left_out else there
+
+        total += mothers(canvas, place, candidate, offsets) if up else above(canvas, seen, candidate, offsets)
     return total
 
 
@@ -124,13 +146,15 @@ def improved(
 ):  # fmt: skip
     """Section 4.1, on a torus: the sources of the output in the exemplar, and those of Ss in Sa.
 
-    The analogy's output starts as the second noise, the first one again if there is none.
+    With non-causal passes the analogy is tileable: else it would undo the seam of Ss. Its output starts as the second noise, the first one again if there is none.
     """
     eroded = morphology(np.asarray(exemplar), size, operation)
     source = improved_wei_levoy.synthesize(eroded, noise, levels, causal, parent, weighting, noncausal)
     guided = eroded[:, source[..., 0], source[..., 1]]
     start = noise if second_noise is None else second_noise
     return (
-        synthesize(eroded, exemplar, guided, start, 1, neighborhood, None, guide, torus=True),
+        synthesize(
+            eroded, exemplar, guided, start, 1, neighborhood, None, guide, torus=True, tileable=noncausal
+        ),
         source,
     )

@@ -71,16 +71,30 @@ def improved_wl(
     if not morphology:
         return plain.changed(name="improved_wl", description=description)
     structure = Structure(operation=operation, size=size, recipe=plain)
-    result = Layer(plane="result", template=Causal(size=neighborhood))
-    guide = Layer(plane="guide", template=Square(size=neighborhood))
+    sweeps = _guided_sweeps(neighborhood, tileable=noncausal and boundary == "torus")
     return Recipe(
         name="improved_wl",
         description=description,
         levels=1,
         boundary=boundary,
         structure=structure,
-        sweeps=(Sweep(layers=(result, guide)),),
+        sweeps=sweeps,
     )
+
+
+def _guided_sweeps(neighborhood: int, tileable: bool) -> tuple[Sweep, ...]:
+    """The analogy: a causal sweep; or one that leaves the last rows to another, which sees the first ones.
+
+    That goes on to the first rows: else the analogy would undo what the structure has of a seam that fits.
+    """
+    guide = Layer(plane="guide", template=Square(size=neighborhood))
+    first = Sweep(layers=(Layer(plane="result", template=Causal(size=neighborhood)), guide))
+    if not tileable:
+        return (first,)
+    rim = neighborhood // 2
+    around = Layer(plane="result", template=Square(size=neighborhood, center=False))
+    mending = Sweep(layers=(around, guide), rows=(-rim, rim), unknown="skip")
+    return first.model_copy(update={"rows": (0, -rim)}), mending
 
 
 def _sweeps(
