@@ -33,9 +33,9 @@ class Texture:
 
     @property
     def levels(self) -> int:
-        """The most pyramid levels, up to 4, of which the coarsest has 16 pixels a side."""
+        """Four, or as many as leave the coarsest 16 pixels a side."""
         side = min(self.image.shape[1:])
-        return max(1, *(n for n in range(1, _MOST_LEVELS + 1) if side >> (n - 1) >= _COARSEST or n == 1))
+        return 1 + sum(side >> level >= _COARSEST for level in range(1, _MOST_LEVELS))
 
     @property
     def caption(self) -> str:

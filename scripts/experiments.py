@@ -72,6 +72,7 @@ def first(textures: list[Texture], options: argparse.Namespace) -> None:
 
 def second(textures: list[Texture], options: argparse.Namespace) -> None:
     """The paper's second set: the improved algorithm beside those that copy patches."""
+    check_block(options.block, textures)
     side = 2 * options.size
     outcomes = compared(textures, second_set(options.block), (side, side), options)
     pairs = (("W+N+M", "quilting"), ("W+N+M", "graph cut"))
@@ -128,6 +129,16 @@ def compared(
         print(f"{number} of {len(tasks)}: {outcome.texture.caption}: {path}", flush=True)
         outcomes.append(outcome)
     return outcomes
+
+
+def check_block(block: int, textures: list[Texture]) -> None:
+    """A block has to lie in every exemplar: better said before hours of work than after."""
+    for texture in textures:
+        if min(texture.image.shape[1:]) < block:
+            raise ts.InputError(
+                "--block", f"must fit inside {texture.caption}", f"it is {block}",
+                "choose a smaller one, or leave the picture out with --without",
+            )  # fmt: skip
 
 
 def _timed(cases: list[timings.Case], texture: Texture, repeats: int) -> list[timings.Timing]:
@@ -187,7 +198,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-_SIZE = "the most pixels a side of an exemplar; default: 128"
+_SIZE = "the most pixels a side of an exemplar: larger pictures are shrunk, by half at most, and cropped; default: 128"
 _BLOCK = (
     f"quilting's block in pixels, about as large as the structures (the paper: 30 to 66); default: {BLOCK}"
 )

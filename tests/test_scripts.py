@@ -400,7 +400,7 @@ WRONG_EXPERIMENTS = [
     (["--out", "pictures/notes.txt"], "is a file"),
     (["--seeds", "0"], "must be at least 1, but it is 0"),
     (["--block", "2"], "must be at least 3, but it is 2"),
-    (["--block", "50"], "50"),
+    (["--block", "25", "--jobs", "2"], "must fit inside red, 24x24, 1 level, but it is 25"),
 ]
 
 
