@@ -14,7 +14,7 @@ from torchsynth.neighborhood import STEPS
 Operation: TypeAlias = Literal["erode", "dilate"]
 """``erode`` widens what is dark, ``dilate`` what is bright."""
 
-SIZES = (3, 5, 7, 9, 11)
+SIZES = (3, 5, 7)
 """The sides of structuring elements that :func:`chosen` chooses among."""
 
 # The share of the edges from which on they are comparable to the objects.
