@@ -377,3 +377,11 @@ def test_squares_larger_than_the_exemplar_are_told(make_exemplar):
     recipe = ts.recipes.improved_wl(levels=1, neighborhood=3, size=17)
     with pytest.raises(ts.InputError, match="a square that fits the exemplar, 16x20, but its side is 17"):
         ts.synthesize(make_exemplar(1, 16, 20), (8, 8), recipe)
+
+
+@pytest.mark.parametrize("side", [10**6, 10**90])
+def test_a_structure_beyond_all_memory_is_told_before_the_work(make_exemplar, side):
+    with pytest.raises(ts.InputError, match=r"^size: must fit the .* of memory of this machine"):
+        ts.synthesize(
+            make_exemplar(1, 16, 16), (side, side), ts.recipes.improved_wl(levels=1, neighborhood=3)
+        )

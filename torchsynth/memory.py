@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
@@ -77,6 +78,8 @@ def memory_needed(recipe: Recipe, exemplar: Exemplar, size: Shape, outputs: int)
         >>> memory_needed(recipes.wei_levoy(), Exemplar(torch.rand(1, 128, 128)), (256, 256), 1) < 300 * 2**20
         True
     """
+    if recipe.structure is not None:
+        return _needed_with_structure(recipe, recipe.structure.recipe, exemplar, size, outputs)
     samples, guides = exemplar.samples, exemplar.guides
     exemplars, channels, height, width = samples.shape
     guide_channels = 0 if guides is None else guides.shape[1]
@@ -101,6 +104,20 @@ def memory_needed(recipe: Recipe, exemplar: Exemplar, size: Shape, outputs: int)
     every = exemplars * (channels + guide_channels)
     example = height * width * (every * (40 + item) + 100) * 4 // 3
     return output + example + fitted + group + 3 * MEMORY_BUDGET + 8 * CHUNK
+
+
+def _needed_with_structure(
+    recipe: Recipe, inner: Recipe, exemplar: Exemplar, size: Shape, outputs: int
+) -> int:
+    """The structure is kept while the output is made: its exemplar, start, picture, source and cost."""
+    samples = exemplar.samples
+    pixel = samples.shape[1] * 2 * samples.element_size() + 24
+    kept = (math.prod(size) * outputs * pixel + 2 * samples.numel() * samples.element_size()) * 4 // 3
+    guided = replace(exemplar, guide=samples)
+    return kept + max(
+        memory_needed(inner, exemplar, size, outputs),
+        memory_needed(recipe.changed(structure=None), guided, size, outputs),
+    )
 
 
 def _fitted_bytes(recipe: Recipe, exemplar: Exemplar, item: int) -> int:

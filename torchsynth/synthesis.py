@@ -21,6 +21,7 @@ from torchsynth.covering import cover
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
 from torchsynth.lattice import Boundary, Shape
+from torchsynth.memory import check_memory
 from torchsynth.pyramid import blur, border_of, level_shapes
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result, breaks
@@ -125,6 +126,7 @@ def _with_structure(
 ) -> Result:
     """First a texture of the exemplar with wide edges, then the output, guided by it."""
     _check_structure(exemplar, recipe, controls, codebook)
+    check_memory(recipe, exemplar, size, len(seeds))
     if len(exemplar.samples) > 1:
         # Each of them may need another operation.
         return Result.joined(
