@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import pytest
 import torch
 
@@ -175,6 +177,14 @@ def test_wrong_pictures_are_told(change, message):
     with pytest.raises(ts.InputError) as error:
         ts.analogy(**given)
     assert str(error.value).startswith(message)
+
+
+def test_a_search_that_does_not_exist_is_told():
+    unchecked = inspect.unwrap(ts.recipes.analogy)  # where types are not checked, as outside of tests
+    with pytest.raises(
+        ts.ConfigError, match="search: must be one of exhaustive, tsvq, coherence, but it is 'tsv'"
+    ):
+        unchecked(search="tsv")
 
 
 def test_labels_that_a_never_shows_are_told():

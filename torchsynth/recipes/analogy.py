@@ -8,7 +8,7 @@ from torchsynth.initial import Noise, RandomSource
 from torchsynth.lattice import Boundary
 from torchsynth.neighborhood import Layer
 from torchsynth.recipe import Recipe
-from torchsynth.recipes.building import causal_layers
+from torchsynth.recipes.building import causal_layers, search_named
 from torchsynth.search import TSVQ, Coherence, Exhaustive, PreferCoherent
 from torchsynth.sweep import Sweep
 from torchsynth.template import Causal, Square
@@ -64,18 +64,17 @@ def analogy(
     if coarse_guide is not None and levels > 1:
         above = Layer(plane="coarse_guide", template=Square(size=coarse_guide), weight=guide_weight)
         layers = (*layers, above)
-    if search == "coherence":
-        sweeps = _coherent_sweeps(layers, neighborhood, levels)
+    chosen = search_named(search, coherence=Coherence(template=Causal(size=neighborhood)))
+    if isinstance(chosen, Exhaustive | TSVQ):
+        sweeps = _searching_sweeps(layers, chosen, neighborhood, levels, kappa)
     else:
-        sweeps = _searching_sweeps(
-            layers, TSVQ() if search == "tsvq" else Exhaustive(), neighborhood, levels, kappa
-        )
+        sweeps = _coherent_sweeps(layers, neighborhood, levels)
     return Recipe(
         name="analogy",
         description="Hertzmann et al. 2001, image analogies",
         levels=levels,
         boundary=boundary,
-        initial=RandomSource() if search == "coherence" else Noise(),
+        initial=RandomSource() if isinstance(chosen, Coherence) else Noise(),
         sweeps=sweeps,
     )
 
