@@ -225,6 +225,8 @@ def test_bad_input_is_told_before_the_work(make_exemplar):
         ts.synthesize(exemplar, (20, 20), ts.recipes.graphcut(patch=13))
     with pytest.raises(ts.InputError, match="what may be sampled: must hold a whole patch of 4x4, but none"):
         ts.synthesize(ts.Exemplar(exemplar, torch.eye(12, 20) > 0), (20, 20), ts.recipes.graphcut(patch=4))
+    with pytest.raises(ts.InputError, match="size: must fit the"):
+        ts.synthesize(exemplar, (10**90, 10**90), ts.recipes.graphcut())
     with pytest.raises(ts.InputError, match=r"recipes\.quilting_transfer"):
         ts.synthesize(exemplar, (12, 20), ts.recipes.graphcut(), controls=ts.Controls(target=exemplar))
     with pytest.raises(ts.ConfigError, match="must be able to follow a target, but graph cuts follow none"):

@@ -19,7 +19,7 @@ from torchsynth import cli, config
 from torchsynth.neighborhood import Plane, quantize
 from torchsynth.patches import matching
 from torchsynth.patches.cut import beyond_cuts, boundary_cut
-from torchsynth.patches.matching import Matcher, Query, check_exact, near_best, pick
+from torchsynth.patches.matching import Matcher, Query, check_exact, fast_length, near_best, pick
 
 DRAWS = 2**31
 
@@ -91,6 +91,13 @@ def test_matching_is_exact_at_its_largest():
 def test_pictures_too_large_for_exact_matching_are_refused():
     with pytest.raises(ts.InputError, match="must be small enough for exact matching of patches, but at"):
         check_exact((2**20, 2**20), 1e6, 1e12)
+
+
+def test_fast_lengths_have_small_factors_only():
+    small = {2**a * 3**b * 5**c for a in range(10) for b in range(7) for c in range(5)}
+    assert [fast_length(one) for one in range(1, 513)] == [
+        min(length for length in small if length >= one) for one in range(1, 513)
+    ]
 
 
 def test_near_best_on_perfect_and_on_impossible_places():

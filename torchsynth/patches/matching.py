@@ -243,11 +243,6 @@ def fast_length(length: int) -> int:
         >>> [fast_length(length) for length in (1, 7, 97, 128)]
         [1, 8, 100, 128]
     """
-    while True:
-        rest = length
-        for factor in (2, 3, 5):
-            while rest % factor == 0:
-                rest //= factor
-        if rest == 1:
-            return length
-        length += 1
+    most = length.bit_length()
+    odd = (3**threes * 5**fives for threes in range(most + 1) for fives in range(most + 1))
+    return min(one << (-(-length // one) - 1).bit_length() for one in odd)
