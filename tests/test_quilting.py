@@ -393,3 +393,8 @@ def test_on_the_command_line(tmp_path, monkeypatch, capsys):
     assert "sweeps" not in recipe
     assert cli.main(["synthesize", "sample:brick", "-o", "d.png", *options, "--set", "patches.blok=3"]) == 2
     assert "did you mean 'block'?" in capsys.readouterr().err
+    assert cli.main(["synthesize", "sample:grass", "-o", "d.png", *target, "--passes", "9"]) == 2
+    assert capsys.readouterr().err == (
+        "error: passes: must suit the recipe: blocks have a side of 3 pixels or more, but in the last of 9 passes "
+        "they are down to 0; ask for fewer, or larger blocks\n"
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import ValidationError
+
 from torchsynth.checks import check_type
 from torchsynth.errors import ConfigError
 from torchsynth.neighborhood import Layer
@@ -32,7 +34,8 @@ def with_target(recipe: Recipe, *, passes: int | None = None) -> Recipe:
         passes: From 1 to 20; None means 1, or 3 passes of quilting, which gets smaller blocks from pass to pass.
 
     Raises:
-        ConfigError: If no sweep could follow a target, if the recipe makes a guide of its own, or if there are fewer than 1 or more than 20 passes.
+        ConfigError: If no sweep could follow a target, if the recipe makes a guide of its own, if there are
+            fewer than 1 or more than 20 passes, or so many that blocks get smaller than 3 pixels.
 
     Source:
         Ashikhmin 2001, section 4; that any such recipe can do it is said in its section 6.
@@ -75,7 +78,14 @@ def _transfer(recipe: Recipe, passes: int) -> Recipe:
             "use e.g. torchsynth.recipes.quilting_transfer()",
         )  # fmt: skip
     name = recipe.name if recipe.follows_target else f"{recipe.name} with target"
-    patches = Quilting.model_validate(dict(recipe.patches) | {"passes": passes})
+    try:
+        patches = Quilting.model_validate(dict(recipe.patches) | {"passes": passes})
+    except ValidationError as error:
+        said = error.errors()[0]["msg"].removeprefix("Value error, ")
+        expectation, _, fact = said.partition(", but ")
+        raise ConfigError(
+            "passes", f"must suit the recipe: {expectation}", fact, "ask for fewer, or larger blocks"
+        ) from None
     return recipe.changed(name=name, patches=patches)
 
 
