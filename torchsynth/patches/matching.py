@@ -244,5 +244,5 @@ def fast_length(length: int) -> int:
         [1, 8, 100, 128]
     """
     most = length.bit_length()
-    odd = (3**threes * 5**fives for threes in range(most + 1) for fives in range(most + 1))
+    odd: list[int] = [3**threes * 5**fives for threes in range(most + 1) for fives in range(most + 1)]
     return min(one << (-(-length // one) - 1).bit_length() for one in odd)
