@@ -93,6 +93,14 @@ def test_pictures_too_large_for_exact_matching_are_refused():
         check_exact((2**20, 2**20), 1e6, 1e12)
 
 
+def test_matching_for_quilting_is_exact_for_larger_pictures_than_for_transfer():
+    """In quilting every pixel counts once, in transfer a thousand times."""
+    plane = Plane(torch.zeros(1, 600 * 600, 3), (600, 600), "open")
+    ts.Quilting(block=500).check(plane, (600, 600), "open")
+    with pytest.raises(ts.InputError, match="must be small enough for exact matching"):
+        ts.Quilting(block=500, passes=1).check(plane, (600, 600), "open")
+
+
 def test_fast_lengths_have_small_factors_only():
     small = {2**a * 3**b * 5**c for a in range(10) for b in range(7) for c in range(5)}
     assert [fast_length(one) for one in range(1, 513)] == [

@@ -122,7 +122,8 @@ class Quilting(Part):
                 f"it is {shape[0]}x{shape[1]}", "use smaller blocks, a larger size, or the boundary 'open'",
             )  # fmt: skip
         period = fast_length(plane.shape[0]), fast_length(plane.shape[1])
-        check_exact(period, float(_SHARES * self.block), largest_squares(plane.shape, plane.values.shape[2]))
+        weights = float(self.block * (_SHARES if self.follows_target else 1))
+        check_exact(period, weights, largest_squares(plane.shape, plane.values.shape[2]))
         if plane.valid is not None and not bool(Matcher.of(plane).places(block).any()):
             raise InputError(
                 "what may be sampled", f"must hold a whole block of {self.block}x{self.block}",
