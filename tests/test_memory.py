@@ -58,6 +58,7 @@ CASES = [
     ("efros_leung", 3, 300, 2, READ),
     ("quilting", 3, 400, 600, KEPT),
     ("graphcut", 3, 200, 300, KEPT),
+    ("graphcut", 1, 64, 128, KEPT),
     ("improved_wl", 3, 320, 8, KEPT),
 ]
 

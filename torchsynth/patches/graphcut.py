@@ -21,6 +21,9 @@ from torchsynth.patches.matching import DRAW_BITS, Matcher, check_exact, largest
 from torchsynth.patches.scene import Patch, Scene, domain, place_by_chance
 from torchsynth.patches.seam import Sources, check_available
 
+# What SciPy, transforms and flows take, however small the pictures are.
+_BUFFERS = 2**26
+
 # The regions that refinements mend have so large a share of a patch's side.
 _REGION = 3
 
@@ -115,7 +118,10 @@ class GraphCut(Part):
         """
         _, channels, height, width = exemplars
         size = self.size((height, width), shape, boundary)
-        return math.prod(domain(shape, boundary, size)) * (channels * 100 + 200) + math.prod(size) * 600
+        output = math.prod(domain(shape, boundary, size)) * (channels * 100 + 200)
+        # Its transforms, and its colors in float64, more than once.
+        exemplar = height * width * (channels + 1) * 48
+        return output + exemplar + math.prod(size) * 600 + _BUFFERS
 
     def write(
         self, canvas: Canvas, generators: Sequence[torch.Generator], advance: Callable[[int, int], None]
