@@ -420,3 +420,19 @@ def test_windows_of_copies_fit_into_all_that_can_be_measured():
 def test_seams_of_a_ramp():
     ramp = torch.arange(4.0).expand(1, 1, 3, 4) / 3
     assert metrics.seam_ratio(ramp).tolist() == [[1, pytest.approx(3)]]
+
+
+def test_one_picture_is_a_batch_of_one():
+    image, exemplar = torch.rand(1, 1, 20, 20), torch.rand(1, 1, 24, 24)
+    for measure in (
+        metrics.patch_distance,
+        metrics.sharpness,
+        metrics.gradient_distance,
+        metrics.matched_windows,
+    ):
+        assert measure(image[0], exemplar[0]).equal(measure(image, exemplar))
+        with pytest.raises(ts.InputError, match=r"exemplar: must have shape \(C, H, W\) or"):
+            measure(image, exemplar[0, 0])
+    assert metrics.seam_ratio(image[0]).equal(metrics.seam_ratio(image))
+    with pytest.raises(ts.InputError, match="image: must have shape"):
+        metrics.seam_ratio(image[0, 0])

@@ -10,8 +10,9 @@ import torch
 from jaxtyping import Float64, Int64
 from torch import Tensor
 
-from torchsynth._typing import Image, SourceMap
+from torchsynth._typing import SourceMap
 from torchsynth.lattice import Boundary, Shape
+from torchsynth.metrics.batches import batch_of
 from torchsynth.result import breaks
 
 WINDOW = 11
@@ -106,7 +107,7 @@ def source_windows(source: SourceMap, window: int = WINDOW) -> Int64[Tensor, "ba
 
 
 def matched_windows(
-    image: Image, exemplar: Image, window: int = WINDOW
+    image: Tensor, exemplar: Tensor, window: int = WINDOW
 ) -> Int64[Tensor, "batch rows columns"]:
     """Which window of the exemplar each window of a picture equals, in steps of 8 bits.
 
@@ -115,7 +116,7 @@ def matched_windows(
     few colors, has copies that nobody made. Windows of one color are never taken for copies.
 
     Args:
-        image: The pictures.
+        image: The picture, or a batch of them.
         exemplar: One for all, or one for each.
         window: The side of the windows; it must fit into both.
 
@@ -127,9 +128,9 @@ def matched_windows(
         >>> matched_windows(torch.tensor([[[[0.1, 0.2, 0.2, 0.9]]]]), torch.tensor([[[[0.2, 0.9]]]]), 1).shape
         torch.Size([1, 1, 4])
     """
-    found = []
-    for item, one in enumerate(image):
-        other = exemplar[item if len(exemplar) > 1 else 0]
+    found, exemplars = [], batch_of(exemplar, "exemplar")
+    for item, one in enumerate(batch_of(image, "image")):
+        other = exemplars[item if len(exemplars) > 1 else 0]
         here, there, flat = _named(one, other, window)
         found.append(torch.where(torch.isin(here, there) & ~flat, here, -1))
     return torch.stack(found)

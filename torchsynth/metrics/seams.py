@@ -6,10 +6,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from torchsynth._typing import Image
+from torchsynth.metrics.batches import batch_of
 
 
-def seam_ratio(image: Image) -> Float[Tensor, "batch 2"]:
+def seam_ratio(image: Tensor) -> Float[Tensor, "batch 2"]:
     """How sharp the seams are when copies of a picture are laid side by side.
 
     The mean difference between neighbors across the border, over that between neighbors inside. Around
@@ -17,7 +17,7 @@ def seam_ratio(image: Image) -> Float[Tensor, "batch 2"]:
     strong line at the border, or varies much from row to row: then a perfect seam can be above 1 too.
 
     Args:
-        image: The pictures, two pixels or more in each direction.
+        image: The picture, or a batch of them, two pixels or more in each direction.
 
     Returns:
         ``(B, 2)``: the ratio from bottom to top, and from right to left. A picture without any
@@ -27,7 +27,7 @@ def seam_ratio(image: Image) -> Float[Tensor, "batch 2"]:
         >>> seam_ratio(torch.tensor([[[[0.0, 1.0, 2.0, 3.0]] * 2]])).tolist()
         [[1.0, 3.0]]
     """
-    ratios = []
+    ratios, image = [], batch_of(image, "image")
     for axis in (2, 3):
         steps = (image.roll(-1, axis) - image).double().abs()
         across = steps.select(axis, -1).mean((1, 2))

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from torchsynth._typing import Image
 from torchsynth.lattice import Shape
+from torchsynth.metrics.batches import batch_of
 from torchsynth.pyramid import gaussian_pyramid, level_shapes
 
 PATCH = 7
@@ -34,13 +35,13 @@ Projections: TypeAlias = Float64[Tensor, "directions quantiles"]
 """The distribution of a picture's patches along each direction; the channels themselves come last."""
 
 
-def patch_distance(image: Image, exemplar: Image) -> Float64[Tensor, " batch"]:
+def patch_distance(image: Tensor, exemplar: Tensor) -> Float64[Tensor, " batch"]:
     """How far the patches of pictures are from those of the exemplar: the mean of all levels.
 
     See :func:`patch_distances`. A single number hides at which scale a picture went wrong.
 
     Args:
-        image: The pictures, of any size from 7x7.
+        image: The picture, or a batch of them, of any size from 7x7.
         exemplar: What they are compared with: one for all, or one for each; 14x14 or larger.
 
     Example:
@@ -51,7 +52,7 @@ def patch_distance(image: Image, exemplar: Image) -> Float64[Tensor, " batch"]:
     return patch_distances(image, exemplar).mean(1)
 
 
-def patch_distances(image: Image, exemplar: Image) -> Float64[Tensor, "batch levels"]:
+def patch_distances(image: Tensor, exemplar: Tensor) -> Float64[Tensor, "batch levels"]:
     """How far the patches of pictures are from those of the exemplar, at each level, the finest first.
 
     Patches of 7x7 pixels are projected on fixed directions: a difference of two of their values, wherever
@@ -77,7 +78,7 @@ def patch_distances(image: Image, exemplar: Image) -> Float64[Tensor, "batch lev
     *Progressive growing of GANs*, section 5.
 
     Args:
-        image: The pictures, of any size from 7x7.
+        image: The picture, or a batch of them, of any size from 7x7.
         exemplar: What they are compared with: one for all, or one for each; 14x14 or larger.
 
     Example:
@@ -86,10 +87,11 @@ def patch_distances(image: Image, exemplar: Image) -> Float64[Tensor, "batch lev
         >>> distances.shape
         torch.Size([1, 2])
     """
-    levels = _levels((min(image.shape[2:]), min(exemplar.shape[2:]) // 2))
-    references = [_reference(one.unsqueeze(0), levels) for one in exemplar]
+    images, exemplars = batch_of(image, "image"), batch_of(exemplar, "exemplar")
+    levels = _levels((min(images.shape[2:]), min(exemplars.shape[2:]) // 2))
+    references = [_reference(one.unsqueeze(0), levels) for one in exemplars]
     rows = []
-    for item, one in enumerate(image):
+    for item, one in enumerate(images):
         whole, unit = references[item if len(references) > 1 else 0]
         rows.append(_distances(_projections(one.unsqueeze(0), levels), whole, whole) / unit)
     return torch.stack(rows)
