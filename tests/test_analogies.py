@@ -306,7 +306,7 @@ def test_progress_counts_structure_and_output_together(make_exemplar):
 
     recipe = ts.recipes.improved_wl(levels=2, neighborhood=3, parent=3)
     ts.synthesize(make_exemplar(1, 16, 16), (8, 8), recipe, progress=watch)
-    assert seen[-1][0] == seen[-1][1] == 2 * (64 + 16) + 7 * 8 + 2 * 8
+    assert seen[-1][0] == seen[-1][1] == (7 + 2 + 8) * 8 + (3 + 2 + 4) * 4 + (7 + 2) * 8
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
 
 

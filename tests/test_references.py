@@ -117,10 +117,10 @@ def test_the_bottom_part_knows_the_top_and_nothing_that_is_not_synthesized(monke
     monkeypatch.setattr(improved_wei_levoy, "above", spy)
     improved_wei_levoy.synthesize(sample, noise, 1, 5, None, False, True)
     above = [(dy, dx) for dy in (-2, -1) for dx in range(-2, 3)]
-    # Row 4 begins at column 1. Two rows below is row 0; row 5 is not synthesized.
+    # Two rows below row 4 is row 0; row 5 is not synthesized.
     assert seen[24, 4 * 7] == [*above, *((2, dx) for dx in range(-2, 3))]
     assert seen[24, 4 * 7 + 1] == [*above, (0, -1), *((2, dx) for dx in range(-2, 3))]
-    # Row 5 begins at column 3. The last of its pixels sees all, and so do all of the next pass.
+    # The last pixel of row 5 sees all, and so do all that come after it.
     assert len(seen[24, 6 * 7 - 1]) == len(seen[24, 6 * 7]) == 24
     assert len(seen[12, 0]) == 12
     assert sorted(known for looks, known in seen if looks == 12) == list(range(4 * 7))

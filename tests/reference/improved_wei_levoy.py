@@ -12,8 +12,9 @@ Non-causal neighborhoods. "The bottom part" is as many rows as the causal neighb
 ``h`` (all rows, if there are no more than that). Its pixels compare, of the square without its center, what
 is synthesized at that moment, below and to the right as well; the rest of the square is left out of the sum.
 The pass after that compares the whole square as it stands. Both take only candidates whose whole square
-lies inside. With an open border there is no bottom part. Every row starts at ``h`` times its number in the
-picture, not in the pass: the first row of the bottom part starts where a full pass would start it.
+lies inside. With an open border there is no bottom part. The bottom part goes on to the first ``h`` rows, which
+met noise where the last ones are now. Every row starts at ``h`` times its number in the pass: the first row of
+the bottom part starts at the left.
 
 On a torus smaller than the neighborhood a pixel is compared as often as the neighborhood meets it.
 """
@@ -86,10 +87,10 @@ def passes(canvas, coarse, causal, parent, weight, noncausal, lonely):
     bottom = half if noncausal and canvas.torus else 0
     begin = max(0, height - bottom)
 
-    def sweep(rows, template, only_known=False):
+    def sweep(places, template, only_known=False):
         parents = [] if coarse is None else square(parent)
         choices = valid(canvas.sample, None if coarse is None else coarse.sample, template, parents)
-        for place in scan(canvas, rows, half):
+        for place in places:
 
             def seen(offset, place=place):
                 there = canvas.at(*moved(place, offset))
@@ -104,10 +105,13 @@ def passes(canvas, coarse, causal, parent, weight, noncausal, lonely):
             canvas.set(place, best)
             canvas.known[place] = True
 
-    sweep(range(begin), upper)
-    sweep(range(begin, height), rounded, only_known=True)
+    sweep(scan(canvas, range(begin), half), upper)
+    last, first = range(begin, height), range(min(bottom, height))
+    band = [*last, *(row for row in first if row not in last)]
+    places = ((band[row], column) for row, column in scan(canvas, range(len(band)), half))
+    sweep(places, rounded, only_known=True)
     if noncausal:
-        sweep(range(height), rounded)
+        sweep(scan(canvas, range(height), half), rounded)
 
 
 def scan(canvas, rows, half):

@@ -34,8 +34,8 @@ def improved_wl(
     Args:
         weighting: Count the coarser level twice, and stretch all levels to one dynamic range. Visible effect:
             structures laid out on coarse levels are kept.
-        noncausal: Let the last rows of a level see its first ones, then visit all pixels again with the square
-            around them. Visible effect: fewer blurred places, and outputs that tile top to bottom.
+        noncausal: Let the last rows of a level see its first ones, and these the last; then visit all pixels
+            again with the square around them. Visible effect: fewer blurred places, and outputs that tile top to bottom.
         morphology: Synthesize the exemplar with widened edges first, and be guided by that. Visible effect:
             objects with thin joints, such as the stones of a wall, stay whole.
         levels: Pyramid levels, 1 or more.
@@ -111,5 +111,7 @@ def _sweeps(
     if boundary == "open":
         return first, again
     rim = neighborhood // 2
-    last = again.model_copy(update={"rows": (-rim, None), "unknown": "skip"})
+    # It goes on to the first rows: they met noise where the last ones are now, and else both would have to
+    # give way in the sweep over all.
+    last = again.model_copy(update={"rows": (-rim, rim), "unknown": "skip"})
     return first.model_copy(update={"rows": (0, -rim)}), last, again
