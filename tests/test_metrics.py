@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 
@@ -411,6 +412,19 @@ class TestMeasure:
         image = torch.rand(1, 16, 16)
         with pytest.raises(ts.InputError, match=said):
             metrics.measure(**({"image": image, "exemplar": image} | changes))
+
+    @pytest.mark.parametrize(
+        ("changes", "said"),
+        [
+            ({"boundary": "ring"}, "boundary: must be one of torus, open, but it is 'ring'"),
+            ({"source": [[0]]}, r"source: must be a Tensor, but it is \[\[0\]\]"),
+        ],
+    )
+    def test_what_is_of_another_type(self, changes, said):
+        image = torch.rand(1, 16, 16)
+        unchecked = inspect.unwrap(metrics.measure)  # where types are not checked, as outside of tests
+        with pytest.raises(ts.InputError, match=said):
+            unchecked(image, image, **changes)
 
 
 def test_windows_of_copies_fit_into_all_that_can_be_measured():

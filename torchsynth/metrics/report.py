@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TypeAlias
+from typing import TypeAlias, get_args
 
 import torch
 from jaxtyping import Float64
 from torch import Tensor
 
 from torchsynth._typing import Image, SourceMap
-from torchsynth.checks import check_image
+from torchsynth.checks import check_image, check_type
 from torchsynth.errors import InputError
 from torchsynth.lattice import Boundary, Shape
 from torchsynth.metrics.copying import (
@@ -97,8 +97,8 @@ def measure(
         boundary: That of the outputs: on a ``torus``, runs go on beyond the border.
 
     Raises:
-        InputError: If the pictures are too small or do not go together, or the source map does not belong
-            to them.
+        InputError: If the pictures are too small or do not go together, if the source map does not belong
+            to them, or if there is no such boundary.
 
     Example:
         >>> import torch, torchsynth as ts
@@ -109,9 +109,15 @@ def measure(
         (torch.Size([1]), True)
     """
     check_pictures(image, exemplar, ("image", "exemplar"))
+    if boundary not in get_args(Boundary):
+        raise InputError(
+            "boundary", f"must be one of {', '.join(get_args(Boundary))}", f"it is {boundary!r}",
+            "pass that of the recipe",
+        )  # fmt: skip
     images, exemplars = (one if one.ndim == 4 else one.unsqueeze(0) for one in (image, exemplar))
     if source is None:
         return _measured(images, exemplars, None, matched_windows(images, exemplars), boundary)
+    check_type(source, Tensor, "source", "pass result.source")
     check_sources(source, images, exemplars, "source")
     sources = source if source.ndim == 4 else source.unsqueeze(0)
     return _measured(images, exemplars, sources, source_windows(sources), boundary)
