@@ -19,6 +19,7 @@ from torchsynth import cli, config
 from torchsynth.neighborhood import Plane, quantize
 from torchsynth.patches import matching
 from torchsynth.patches.cut import beyond_cuts, boundary_cut
+from torchsynth.patches.layout import spots
 from torchsynth.patches.matching import Matcher, Query, check_exact, fast_length, near_best, pick
 
 DRAWS = 2**31
@@ -190,6 +191,20 @@ def test_transfer_follows_its_target():
     )
     top, bottom = result.image[0, 0, :20].mean(), result.image[0, 0, 40:].mean()
     assert bottom - top > 0.2
+
+
+@pytest.mark.parametrize(
+    ("side", "block", "overlap"), [(37, 30, 14), (12, 9, 4), (13, 10, 4), (36, 36, 6), (80, 12, 2)]
+)
+def test_on_a_torus_blocks_end_in_a_cut_wherever_something_lies(side, block, overlap):
+    """With wide overlaps several blocks of a row may reach around, not the last one only."""
+    laid = set()
+    for spot in spots((block, side), "torus", block, overlap, torch.device("cpu")):
+        if spot.overlaps[0] == 0:
+            row = spot.positions[:block].tolist()
+            assert (spot.overlaps[1] > 0, spot.overlaps[3] > 0) == (row[0] in laid, row[-1] in laid)
+            laid |= set(row)
+    assert laid == set(range(side))
 
 
 @pytest.mark.parametrize("sample", ["sample:brick", "sample:pebbles"])

@@ -4,8 +4,8 @@ What the paper leaves open is settled as follows: values are whole numbers in 25
 shows the new block, and where there are several cuts a pixel has to lie beyond all of them; of equally cheap
 cuts the lowest column (or row) is taken, beginning at the far end. A block that fits perfectly does not
 stand alone, unless ``verbatim`` says so: the smallest error above 0 counts for the tolerance. With borders,
-blocks stick out of the image, which costs nothing. On a torus they are spread evenly, and the last ones
-also overlap the first ones. In transfer, overlap and target count in thousandths.
+blocks stick out of the image, which costs nothing. On a torus they are spread evenly, and those that
+reach around it also overlap the first ones. In transfer, overlap and target count in thousandths.
 """
 
 from __future__ import annotations
@@ -110,8 +110,8 @@ def quilt(sample, valid, size, *, block, overlap, torus, tolerance, verbatim, dr
         around = (
             block - (top - tops[i - 1]) if i else 0,
             block - (left - lefts[j - 1]) if j else 0,
-            block - (height - top) if torus and i == len(tops) - 1 else 0,
-            block - (width - left) if torus and j == len(lefts) - 1 else 0,
+            max(0, top + block - height) if torus else 0,
+            max(0, left + block - width) if torus else 0,
         )
         shown = beyond(difference, *around)
         for (dy, dx), there in under.items():

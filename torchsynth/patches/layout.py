@@ -39,7 +39,7 @@ def spots(shape: Shape, boundary: Boundary, block: int, overlap: int, device: to
 
     With borders, blocks follow each other in equal steps, and the last ones stick out. On a torus they are
     spread evenly, at ``floor(j * side / n)``, with the fewest blocks n that overlap at least as far as was
-    asked for; the last ones also overlap the first ones.
+    asked for; those that reach around it also overlap the first ones.
 
     Args:
         shape: Height and width of the output.
@@ -88,7 +88,6 @@ def _starts(side: int, boundary: Boundary, block: int, overlap: int) -> list[int
 
 
 def _overlaps(starts: list[int], number: int, block: int, side: int, boundary: Boundary) -> tuple[int, int]:
-    """How far a block overlaps the one before it, and, if it is the last of a torus, the first one."""
+    """How far a block overlaps the one before it and, around a torus, the first one."""
     before = block - (starts[number] - starts[number - 1]) if number else 0
-    last = boundary == "torus" and number == len(starts) - 1
-    return before, block - (side - starts[number]) if last else 0
+    return before, max(0, starts[number] + block - side) if boundary == "torus" else 0
