@@ -363,8 +363,9 @@ def test_a_quilt_may_be_the_structure_of_another_recipe(make_exemplar):
     told = []
     result = ts.synthesize(make_exemplar(1), (20, 20), recipe, progress=lambda *one: told.append(one[2:4]))
     assert result.structure.recipe == quilt
-    assert told[0] == (0, 800)
-    assert told[-1] == (800, 800)
+    # The quilt, and of the output all rows but the last two, then these and the first two.
+    assert told[0] == (0, 400 + 18 * 20 + 4 * 20)
+    assert told[-1] == (840, 840)
     assert config.parse_recipe(yaml.safe_load(ts.dump_recipe(recipe)), "x") == recipe
 
 
