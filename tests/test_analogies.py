@@ -310,6 +310,19 @@ def test_progress_counts_structure_and_output_together(make_exemplar):
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
 
 
+@pytest.mark.parametrize("separate", ["structure", "output"])
+def test_progress_counts_each_channel_that_is_made_by_itself(make_exemplar, separate):
+    recipe = ts.recipes.improved_wl(levels=1, neighborhood=3, noncausal=False)
+    one = recipe.changed(channels="separate")
+    if separate == "structure":
+        inner = recipe.structure.recipe.changed(channels="separate")
+        one = recipe.changed(structure=recipe.structure.model_copy(update={"recipe": inner}))
+    seen = []
+    ts.synthesize(make_exemplar(2), (5, 6), one, progress=lambda *told: seen.append(told[2:4]))
+    assert seen[-1] == (90, 90)
+    assert seen == sorted(seen)
+
+
 def test_a_batch_of_exemplars_chooses_for_each():
     dark = torch.full((1, 24, 24), 0.9)
     dark[:, ::8] = 0.1

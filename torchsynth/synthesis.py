@@ -142,7 +142,7 @@ def _with_structure(
     guided = replace(exemplar, guide=wide.image)
     blank = exemplar.samples.new_zeros(1, exemplar.samples.shape[1], *size)
     Task.of(guided, size, outer, replace(controls, guide=blank), seeds)  # before any work
-    shares = [_visits(one, size) for one in (inner, outer)]
+    shares = [_visits(one, size, exemplar.samples.shape[1]) for one in (inner, outer)]
 
     def told(before: int) -> Progress | None:
         if progress is None:
@@ -185,11 +185,12 @@ def _check_structure(
         )  # fmt: skip
 
 
-def _visits(recipe: Recipe, size: Shape) -> int:
-    """How many pixels all sweeps of all levels visit."""
+def _visits(recipe: Recipe, size: Shape, channels: int) -> int:
+    """How many pixels all sweeps of all levels visit, of each channel that is made by itself."""
+    turns = channels if recipe.channels == "separate" else 1
     if recipe.patches is not None:
-        return math.prod(size) * recipe.patches.sweeps
-    return sum(
+        return turns * math.prod(size) * recipe.patches.sweeps
+    return turns * sum(
         len(visited_rows(sweep.rows, height)) * width
         for level, (height, width) in enumerate(level_shapes(size, recipe.levels))
         for sweep in recipe.sweeps_at(level)
