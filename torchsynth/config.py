@@ -274,9 +274,11 @@ def _config_error(error: ValidationError, data: object, subject: str) -> ConfigE
 
 
 def _data_path(loc: Sequence[int | str], data: object) -> list[int | str]:
-    """The place of a problem in the user's data: pydantic also names the chosen kind, which is not."""
+    """The place of a problem in the user's data: pydantic also names the chosen kind or type, which is not."""
     path: list[int | str] = []
     for number, step in enumerate(loc):
+        if isinstance(data, str | int | float):
+            break
         inside = isinstance(data, dict) and step in data
         if isinstance(data, dict) and not inside and data.get("kind") == step:
             continue

@@ -38,7 +38,7 @@ class Structure(Part):
         The improved Wei-Levoy algorithm, section 4.1.
     """
 
-    operation: Operation | Literal["auto"] = "auto"
+    operation: Literal[Operation, "auto"] = "auto"
     size: Side | Literal["auto"] = "auto"
     recipe: Recipe
 

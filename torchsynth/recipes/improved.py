@@ -21,7 +21,7 @@ def improved_wl(
     levels: int = 4,
     neighborhood: int = 9,
     parent: int = 5,
-    operation: Operation | Literal["auto"] = "auto",
+    operation: Literal[Operation, "auto"] = "auto",
     size: int | Literal["auto"] = "auto",
     boundary: Boundary = "torus",
 ) -> Recipe:
