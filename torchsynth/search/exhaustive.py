@@ -23,6 +23,8 @@ _BLOCK = 192
 _ONE_BLOCK = 2048
 # The table is in float32: bytes of each number.
 _ITEM = 4
+# A second table, in float64, may take such a part of what the first may: it is seldom needed.
+_EXACT_SHARE = 4
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class ExhaustiveState:
     def exact(self) -> Float[Tensor, "blocks rows columns"] | None:
         """The table in float64, made when it is first needed; None where it would take too much memory."""
         rows = _rows(len(self.index.weights), self.complete)
-        if not table_fits(self.index.exemplars * self.width * rows * 2 * _ITEM):
+        if not table_fits(_EXACT_SHARE * self.index.exemplars * self.width * rows * 2 * _ITEM):
             return None
         return _table(self.index, self.width // self.columns, rows, self.columns, torch.float64)
 
@@ -126,8 +128,8 @@ class Exhaustive(Part):
         """About how many bytes fitting takes, and at most so many."""
         table = volume.candidates * _rows(volume.features, volume.complete) * _ITEM
         # One in float64 may be needed as well, where costs are exact in that only.
-        exact = 2 * table if volume.item > _ITEM else 0
-        return sum(size for size in (table, exact) if table_fits(size))
+        exact = 2 * table if volume.item > _ITEM and table_fits(_EXACT_SHARE * 2 * table) else 0
+        return (table if table_fits(table) else 0) + exact
 
     def capacity(self, state: ExhaustiveState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
