@@ -264,6 +264,18 @@ def test_joints_are_recognized(background):
     assert result.structure.levels[0].exemplar.equal(wide)
 
 
+@pytest.mark.parametrize("width", [1, 2, 4])
+def test_joints_are_recognized_between_grainy_stones(width):
+    """Grain makes holes in the stones, while joints are wide where they meet."""
+    place = torch.arange(96) % 24
+    joint, corner = place < width, place < 6
+    dark = joint | joint.unsqueeze(1) | (corner & corner.unsqueeze(1))
+    picture = torch.where(dark, 0.2, 0.7).view(1, 1, 96, 96)
+    grainy = (picture + 0.2 * torch.randn(1, 1, 96, 96)).clamp(0, 1)
+    assert chosen(grainy, None, None)[0] == "erode"
+    assert chosen(1 - grainy, None, None)[0] == "dilate"
+
+
 def test_what_cannot_be_sampled_does_not_widen():
     picture = torch.rand(1, 1, 12, 12, generator=torch.Generator().manual_seed(3))
     valid = torch.ones(12, 12, dtype=torch.bool)

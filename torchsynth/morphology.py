@@ -10,6 +10,7 @@ from torch import Tensor
 
 from torchsynth._typing import Image, Region
 from torchsynth.neighborhood import STEPS
+from torchsynth.pyramid import blur
 
 Operation: TypeAlias = Literal["erode", "dilate"]
 """``erode`` widens what is dark, ``dilate`` what is bright."""
@@ -22,6 +23,9 @@ _COMPARABLE = 1 / 4
 
 # Parts of a picture into which no square of this side fits are thin.
 _THIN = 5
+
+# Side of the kernel that hides what is finer than any edge.
+_GRAIN = 3
 
 
 def grown(region: Region, pixels: int) -> Region:
@@ -68,8 +72,8 @@ def chosen(
     """Choose how to widen the edges of a picture, as far as that is left open.
 
     The histogram of the picture's grays (the mean of its channels) is parted in two by Otsu's threshold. The
-    thinner part is taken for the edges: the one of which fewer pixels belong to a square of 5 pixels; if that
-    is the dark one, it is eroded. Of the sizes, the smallest is taken with which the edges come to at least a
+    thinner part is taken for the edges: the one of which fewer pixels belong to a square of 5 pixels, once the
+    picture's grain is blurred; if that is the dark one, it is eroded. Of the sizes, the smallest is taken with which the edges come to at least a
     quarter of the widened picture's histogram, parted anew: comparable with what is left of the objects, and no
     wider.
 
@@ -107,8 +111,13 @@ def chosen(
 
 def _dark_is_thinner(grays: Image, valid: Region | None) -> bool:
     """Whether what is dark is thinner than what is bright: in parts as thin, whether it is less."""
-    dark = grays <= _otsu(_counted(grays, valid))
-    inside = torch.ones_like(dark) if valid is None else valid.to(dark.device).expand_as(dark)
+    inside = (
+        torch.ones_like(grays, dtype=torch.bool) if valid is None else valid.to(grays.device).expand_as(grays)
+    )
+    # Grain would make holes in what is wide: it is blurred away first, without what does not count.
+    share = blur(inside.to(grays), _GRAIN, "reflect").clamp(min=2**-20)
+    smooth = blur(grays * inside, _GRAIN, "reflect") / share
+    dark = smooth <= _otsu(_counted(smooth, valid))
     measured = []
     for part in (dark & inside, ~dark & inside):
         # Opening leaves what a square fits into.
