@@ -159,7 +159,7 @@ def record_of(job: Job, recipe: Recipe, digests: dict[str, str], size: Shape, se
         size: Of the output.
         seed: Of this output.
     """
-    completion = job.completion.model_dump(mode="json", exclude_none=True)
+    completion = job.completion.model_dump(mode="json", exclude_defaults=True)
     return {
         "recipe": recipe.model_dump(mode="json", exclude_none=True),
         "size": list(size),
