@@ -35,7 +35,9 @@ def improved_wl(
         weighting: Count the coarser level twice, and stretch all levels to one dynamic range. Visible effect:
             structures laid out on coarse levels are kept.
         noncausal: Let the last rows of a level see its first ones, and these the last; then visit all pixels
-            again with the square around them. Visible effect: fewer blurred places, and outputs that tile top to bottom.
+            again with the square around them. Visible effect: outputs that tile top to bottom, and fewer stray
+            pixels. That the first rows are visited again before the rest, and once more after
+            ``morphology``, is no part of the paper.
         morphology: Synthesize the exemplar with widened edges first, and be guided by that. Visible effect:
             objects with thin joints, such as the stones of a wall, stay whole.
         levels: Pyramid levels, 1 or more.
