@@ -157,9 +157,9 @@ FORMS = [
 
 class TestReadSourceMap:
     def test_what_is_written_is_read(self):
-        source, size = read_source_map(Path(saved(**GOOD)))
-        assert source.equal(torch.zeros(1, 2, 3, 4, dtype=torch.int64))
-        assert size == (5, 6)
+        found = read_source_map(Path(saved(**GOOD)))
+        assert found.source.equal(torch.zeros(1, 2, 3, 4, dtype=torch.int64))
+        assert found.exemplar == (5, 6)
 
     @pytest.mark.parametrize(("arrays", "said"), FORMS)
     def test_other_arrays(self, arrays, said):

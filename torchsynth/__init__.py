@@ -26,6 +26,7 @@ from torchsynth.io import read_image, write_image
 from torchsynth.neighborhood import Layer
 from torchsynth.patches import GraphCut, Quilting
 from torchsynth.recipe import Recipe, Structure
+from torchsynth.refining import refine
 from torchsynth.result import Level, Result
 from torchsynth.schedule import OnionPeel, Scanline, Shuffle, Simultaneous
 from torchsynth.search import TSVQ, Coherence, Exhaustive, PreferCoherent
@@ -76,6 +77,7 @@ __all__ = [
     "metrics",
     "read_image",
     "recipes",
+    "refine",
     "synthesize",
     "tile",
     "train",

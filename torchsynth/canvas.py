@@ -89,6 +89,11 @@ class Canvas:
         self.given[sites] = True
         self.known[sites] = True
 
+    def resume(self, source: Rows) -> None:
+        """Begin with an earlier output, as synthesized: where each pixel was copied from."""
+        self.write(torch.arange(source.shape[1], device=source.device), source)
+        self.known[:-1] = True
+
     def sample(self, number: int) -> Canvas:
         """One of the outputs, by itself: written there, it is written here, but for what is known."""
         one = slice(number, number + 1)

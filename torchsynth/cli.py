@@ -33,7 +33,7 @@ from torchsynth.options import (
 )
 from torchsynth.progress import training_bar
 from torchsynth.recipe import Recipe
-from torchsynth.recipes import RECIPES, with_target
+from torchsynth.recipes import RECIPES, further_pass, with_target
 from torchsynth.samples import PREFIX, SAMPLES
 
 app = typer.Typer(
@@ -106,6 +106,12 @@ def synthesize(
     blur_seams: Annotated[
         int | None, typer.Option(metavar="PIXELS", help="Blur along the boundaries of patches, e.g. 3.")
     ] = None,
+    refine: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE.npz", help="Go once more over the output with this source map (see --source-map)."
+        ),
+    ] = None,
     figure: Figure = None,
     codebook: Annotated[
         str | None,
@@ -131,7 +137,7 @@ def synthesize(
     picked = chosen(recipe, config_file, changes, usual if codebook is None else "wei_levoy_tsvq")
     job = records.Job(
         exemplar=exemplar,
-        recipe=_adapted(picked, target is not None, passes, blur_seams),
+        recipe=_adapted(picked, target is not None, passes, blur_seams, refine is not None),
         size=None if size is None else jobs.parse_size(size),
         seeds=seeds_from(seed, count),
         valid=valid,
@@ -141,6 +147,7 @@ def synthesize(
         angle=angle,
         scale=scale,
         codebook=codebook,
+        source_map=refine,
     )
     files = jobs.Files(output, levels_dir, source_map, overwrite, figures(figure or ()))
     run(job, files)
@@ -253,14 +260,22 @@ def entry_point() -> None:
     sys.exit(main())
 
 
-def _adapted(recipe: Recipe, has_target: bool, passes: int | None, blur_seams: int | None) -> Recipe:
+def _adapted(
+    recipe: Recipe, has_target: bool, passes: int | None, blur_seams: int | None, again: bool
+) -> Recipe:
     """The recipe with what the options of the command line ask of it."""
+    if passes is not None and again:
+        raise InputError(
+            "--passes", "cannot be given to --refine", "that is one pass", "leave one of them out"
+        )
     if passes is not None and not has_target:
         raise InputError(
             "--passes", "must come with a target to follow", "there is none", "give --target as well"
         )
     if has_target and (passes is not None or not recipe.follows_target):
         recipe = with_target(recipe, passes=passes)
+    if again:
+        recipe = further_pass(recipe)
     if blur_seams is not None:
         recipe = config.parse_recipe(
             recipe.model_dump(mode="json", exclude_none=True) | {"blur_seams": blur_seams}, "--blur-seams"

@@ -51,7 +51,8 @@ def apply_to_files(
     their names.
     """
     with cancellable():
-        source, size = read_source_map(source_map)
+        saved = read_source_map(source_map)
+        source, size = saved.source, saved.exemplar
         pictures = {name: read_picture(name) for name in maps}
         for name, picture in pictures.items():
             _check_size(name, picture, size)

@@ -78,7 +78,8 @@ def _read(output: str, name: str, exemplar: Tensor, path: Path | None) -> tuple[
     check_pictures(image, exemplar, (output, name))
     if path is None:
         return image, None
-    source, size = read_source_map(path)
+    saved = read_source_map(path)
+    source, size = saved.source, saved.exemplar
     _check_size(path, size, exemplar)
     check_sources(source, image.unsqueeze(0), exemplar.unsqueeze(0), str(path))
     return image, source

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from torchsynth import checks
 from torchsynth.errors import InputError
+from torchsynth.resuming import check_initial_source
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,9 @@ class Controls:
             outputs or ``(B, C, OH, OW)``, in [0, 1]. Only what a neighborhood reads before it is
             overwritten matters: for a causal scanline the last rows and columns, at every level. With
             ``hole``, the picture that is to be completed.
+        initial_source: The source map that synthesis starts from in place of noise, ``(2, OH, OW)`` for all
+            outputs or ``(B, 2, OH, OW)``: that of an earlier result, which counts as synthesized. Coarser levels
+            start from the same map, halved. See :func:`torchsynth.refine`.
         hole: ``(OH, OW)``, True where ``initial`` is to be synthesized; everywhere else the output is, and
             stays, as it is there. What ``initial`` shows in the hole makes no difference.
         exemplar_at: Row and column of the output at which the exemplar's first pixel lies, if what is
@@ -39,7 +43,8 @@ class Controls:
             larger. The largest scale anywhere decides how far neighborhoods reach, and so the time.
 
     Raises:
-        InputError: If a picture has another rank, dtype or range; if the hole is not boolean, nowhere or
+        InputError: If a picture has another rank, dtype or range; if the source map has another rank or dtype, or
+            comes with a picture to start from; if the hole is not boolean, nowhere or
             everywhere True, of another size than the picture, or without one; if ``exemplar_at`` is no pair
             of whole numbers, or comes without a hole; if the region is not boolean or
             nowhere True, or comes without a target; if an angle is not finite, or a scale not from
@@ -52,6 +57,7 @@ class Controls:
     """
 
     initial: Tensor | None = None
+    initial_source: Tensor | None = None
     hole: Tensor | None = None
     exemplar_at: tuple[int, int] | None = None
     target: Tensor | None = None
@@ -63,6 +69,7 @@ class Controls:
     def __post_init__(self) -> None:
         if self.initial is not None:
             checks.check_image(self.initial, "initial")
+        check_initial_source(self.initial_source, self.initial)
         if self.target is not None:
             checks.check_image(self.target, "target")
         if self.guide is not None:
@@ -97,7 +104,7 @@ class Controls:
         pictures = [
             {
                 name: picture[number : number + 1]
-                for name in ("initial", "target", "guide")
+                for name in ("initial", "initial_source", "target", "guide")
                 if (picture := getattr(self, name)) is not None and picture.ndim == 4 and len(picture) > 1
             }
             for number in range(outputs)

@@ -70,6 +70,45 @@ def with_target(recipe: Recipe, *, passes: int | None = None) -> Recipe:
     return recipe.changed(name=name, sweeps=(*first, *(again * (passes - 1))))
 
 
+def further_pass(recipe: Recipe) -> Recipe:
+    """The recipe of one more pass over each level, for an output that is there already.
+
+    Of a recipe that follows a target these are the sweeps that compare it; coherent candidates come from the
+    full square.
+
+    Args:
+        recipe: The recipe of the earlier passes.
+
+    Raises:
+        ConfigError: If its outputs cannot be gone over once more: it copies whole patches, makes a guide of
+            its own, or has outputs without sources.
+
+    Source:
+        Ashikhmin 2001, section 4.
+
+    Example:
+        >>> from torchsynth.recipes import ashikhmin_target
+        >>> [sweep.search.template.kind for sweep in further_pass(ashikhmin_target(passes=3)).sweeps]
+        ['square']
+    """
+    check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.ashikhmin_target()")
+    facts = {
+        "it copies whole patches": recipe.patches is not None,
+        "it makes a guide of its own": recipe.structure is not None,
+        "its pixels are no copies": not recipe.has_sources,
+    }
+    for fact, applies in facts.items():
+        if applies:
+            raise ConfigError(
+                recipe.name, "must go over single pixels that are copies to go over them again", fact,
+                "use another recipe for the further pass, e.g. ashikhmin_target",
+            )  # fmt: skip
+    first = _first_pass(recipe)
+    if recipe.follows_target:
+        first = [sweep for sweep in first if any(layer.plane == "target" for layer in sweep.layers)]
+    return recipe.changed(sweeps=tuple(map(_again, first)))
+
+
 def _transfer(recipe: Recipe, passes: int) -> Recipe:
     """Texture transfer instead of quilting."""
     if not isinstance(recipe.patches, Quilting):

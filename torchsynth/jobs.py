@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from torchsynth import checks
-from torchsynth.codebook import Codebook, check_savable
+from torchsynth.codebook import check_savable
 from torchsynth.codecs import Depth
 from torchsynth.drawing import check_drawable, draw
 from torchsynth.errors import InputError, OutputError
 from torchsynth.exemplar import Exemplar
+from torchsynth.inputs import Inputs
 from torchsynth.io import (
     Picture,
     Put,
@@ -35,7 +36,7 @@ from torchsynth.records import Job, paths_of, record_of
 from torchsynth.result import Result, check_sources
 from torchsynth.synthesis import Progress, synthesize
 from torchsynth.training import TrainingProgress, train
-from torchsynth.wishes import FIELDS, check_field_word, grays_of, white
+from torchsynth.wishes import grays_of, white
 
 _BATCH = 8
 """Outputs made together: more gain little and hold more memory."""
@@ -80,10 +81,10 @@ def run(
         InputError: If an input cannot be used.
         OutputError: If a file cannot be written, or exists; checked before the work starts.
     """
-    inputs, codebook = _read_inputs(job)
+    inputs = Inputs.read(job)
     order = Order.of(job, inputs)
     recipe = order.recipe
-    _note_grays(inputs, note)
+    _note_grays(inputs.pictures, note)
     if (
         job.completion.task in ("fill", "extend", "tile")
         and files.output.suffix.lower() in (".jpg", ".jpeg")
@@ -110,7 +111,7 @@ def run(
     for start in range(0, len(job.seeds), batch):
         seeds = job.seeds[start : start + batch]
         result = synthesize(
-            sample, order.size, recipe, controls=order.controls, seed=seeds, codebook=codebook,
+            sample, order.size, recipe, controls=order.controls, seed=seeds, codebook=inputs.codebook,
             progress=progress,
         )  # fmt: skip
         finished = order.finished(result.image)
@@ -123,7 +124,7 @@ def run(
                 for kind, path in target.figures.items():
                     drawing = draw(kind, result, order.controls)[item]
                     put(path, encode_image(drawing, path, "8-bit"))
-                record = record_of(job, result.recipe, _digests(inputs, codebook), order.size, seeds[item])
+                record = record_of(job, result.recipe, inputs.digests, order.size, seeds[item])
                 put(target.record, json.dumps(record, indent=2).encode())
     return [target.picture for target in targets]
 
@@ -140,12 +141,12 @@ def run_training(
         InputError: If an input cannot be used.
         OutputError: If the file cannot be written, or exists; checked before the work starts.
     """
-    inputs, _ = _read_inputs(job)
+    pictures = Inputs.read(job).pictures
     _check_distinct(paths_of(job).values(), [output])
     check_savable(output, overwrite=overwrite)
-    valid = white(inputs["valid"]) if "valid" in inputs else None
+    valid = white(pictures["valid"]) if "valid" in pictures else None
     assert job.recipe is not None, "only completions have a usual recipe"  # noqa: S101 (for the type checker)
-    codebook = train(Exemplar(inputs["exemplar"].image, valid), job.recipe, progress=progress)
+    codebook = train(Exemplar(pictures["exemplar"].image, valid), job.recipe, progress=progress)
     return codebook.save(output, overwrite=overwrite)
 
 
@@ -250,33 +251,6 @@ def _check_distinct(inputs: Iterable[str], targets: Iterable[Path]) -> None:
                 str(path), "must be a file of its own", f"it is {other} as well", "choose another name"
             )
         seen.add(place)
-
-
-def _read_inputs(job: Job) -> tuple[dict[str, Picture], Codebook | None]:
-    """The pictures by what they are for, and the codebook if there is one."""
-    for name in FIELDS:
-        if getattr(job, name) is not None:
-            check_field_word(name, getattr(job, name))
-    paths = paths_of(job)
-    pictures = {name: read_picture(path) for name, path in paths.items() if name != "codebook"}
-    codebook = None if job.codebook is None else Codebook.load(job.codebook)
-    digests = _digests(pictures, codebook)
-    for name, expected in (job.sha256 or {}).items():
-        if digests[name] != expected:
-            raise InputError(
-                paths[name], f"must be the file the record was made with (SHA-256 {expected[:12]}...)",
-                f"its SHA-256 is {digests[name][:12]}...",
-                "restore the file, or use 'torchsynth synthesize' for the new one",
-            )  # fmt: skip
-    return pictures, codebook
-
-
-def _digests(pictures: dict[str, Picture], codebook: Codebook | None) -> dict[str, str]:
-    """The SHA-256 of every input file."""
-    digests = {name: picture.sha256 for name, picture in pictures.items()}
-    if codebook is not None and codebook.sha256 is not None:
-        digests["codebook"] = codebook.sha256
-    return digests
 
 
 def _note_grays(inputs: dict[str, Picture], note: Callable[[str], None] | None) -> None:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from torchsynth import checks
-from torchsynth._typing import Region
+from torchsynth._typing import Region, SourceMap
 from torchsynth.analogy import Analogy, plan_analogy
 from torchsynth.completion import Plan, plan_extension, plan_filling, plan_tiling
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
+from torchsynth.inputs import Inputs
 from torchsynth.io import Picture
 from torchsynth.lattice import Shape
 from torchsynth.recipe import Recipe
 from torchsynth.records import Job, words_of
+from torchsynth.source_map import SavedSource
 from torchsynth.wishes import controls_from, hole_word, white
 
 
@@ -43,21 +45,24 @@ class Order:
     alpha: Tensor | None = None
 
     @classmethod
-    def of(cls, job: Job, inputs: Mapping[str, Picture]) -> Order:
+    def of(cls, job: Job, files: Inputs) -> Order:
         """Put together what a job asks for.
 
         Args:
             job: What was asked for.
-            inputs: Its picture files, by what they are for.
+            files: What its files hold.
 
         Raises:
             InputError: If something does not fit.
         """
+        inputs = files.pictures
         valid = white(inputs["valid"]) if "valid" in inputs else None
         if job.completion.task == "synthesize":
             exemplar = Exemplar(inputs["exemplar"].image, valid)
-            size = checks.check_size(job.size or _usual_size(inputs))
+            size = checks.check_size(job.size or _usual_size(files))
             controls = controls_from(inputs, words_of(job), len(exemplar.image), size)
+            if files.source is not None:
+                controls = replace(controls, initial_source=_fitting(files.source, exemplar.shape))
             assert job.recipe is not None, "only completions have a usual recipe"  # noqa: S101 (for the type checker)
             return cls(exemplar, size, controls, job.recipe, inputs["exemplar"])
         if job.completion.task == "analogy":
@@ -130,10 +135,23 @@ def _opaque(alpha: Tensor, hole: Region | None) -> Tensor:
     return alpha if hole is None else torch.where(hole, 1.0, alpha)
 
 
-def _usual_size(inputs: Mapping[str, Picture]) -> Shape:
-    """The target's size, or else twice the exemplar's."""
-    if "target" in inputs:
-        height, width = inputs["target"].image.shape[1:]
+def _fitting(saved: SavedSource, exemplar: Shape) -> SourceMap:
+    """The source map of an output that was made of this exemplar."""
+    if saved.exemplar != exemplar:
+        raise InputError(
+            "source map", f"must be that of an output of this exemplar, {exemplar[0]}x{exemplar[1]}",
+            f"it belongs to one of {saved.exemplar[0]}x{saved.exemplar[1]}", "pass the exemplar it was made with",
+        )  # fmt: skip
+    return saved.source
+
+
+def _usual_size(files: Inputs) -> Shape:
+    """That of the output to be refined, or the target's, or else twice the exemplar's."""
+    if files.source is not None:
+        height, width = files.source.source.shape[-2:]
         return height, width
-    height, width = inputs["exemplar"].image.shape[1:]
+    if "target" in files.pictures:
+        height, width = files.pictures["target"].image.shape[1:]
+        return height, width
+    height, width = files.pictures["exemplar"].image.shape[1:]
     return 2 * height, 2 * width

@@ -67,6 +67,7 @@ class Job:
         angle: By how much the texture is turned: degrees, a maker such as ``swirl:180``, or a path.
         scale: By how much it is enlarged: a factor, a maker such as ``zoom:0.5,2``, or a path.
         codebook: Path of a codebook that was trained for this exemplar and recipe.
+        source_map: Path of the source map of an output that is to be gone over once more.
         completion: What is done.
         image: Path of the picture to be completed, if it is not the exemplar.
         hole: Path of a picture that is white where it is to be filled.
@@ -86,6 +87,7 @@ class Job:
     angle: str | None = None
     scale: str | None = None
     codebook: str | None = None
+    source_map: str | None = None
     completion: Completion = _FROM_SCRATCH
     image: str | None = None
     hole: str | None = None
@@ -123,6 +125,7 @@ def load_record(path: Path) -> Job:
         angle=paths.get("angle", record.fields.get("angle")),
         scale=paths.get("scale", record.fields.get("scale")),
         codebook=paths.get("codebook"),
+        source_map=paths.get("source_map"),
         completion=record.completion,
         image=paths.get("image"),
         hole=paths.get("hole"),
@@ -179,7 +182,7 @@ def words_of(job: Job) -> dict[str, str]:
 
 def paths_of(job: Job) -> dict[str, str]:
     """The input files by what they are for."""
-    names = (*PICTURES, "codebook", *FIELDS)
+    names = (*PICTURES, "codebook", "source_map", *FIELDS)
     paths = {name: getattr(job, name) for name in names if getattr(job, name) is not None}
     return {name: path for name, path in paths.items() if name not in words_of(job)}
 
@@ -198,7 +201,7 @@ class _Record(BaseModel):
     inputs: dict[
         Literal[
             "exemplar", "valid", "initial", "target", "target_region", "image", "hole", "guide",
-            "output_guide", "angle", "scale", "codebook",
+            "output_guide", "angle", "scale", "codebook", "source_map",
         ],
         _Input,
     ]  # fmt: skip

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import zipfile
 import zlib
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import torch
@@ -21,14 +23,26 @@ _DAMAGED = (ValueError, zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, 
 _ARRAYS = {"source": 3, "exemplar_size": 1}  # and how many dimensions they have
 
 
-def read_source_map(path: Path) -> tuple[SourceMap, Shape]:
+@dataclass(frozen=True)
+class SavedSource:
+    """A source map from a file.
+
+    Args:
+        source: The map, ``(1, 2, OH, OW)``.
+        exemplar: Height and width of the exemplar.
+        sha256: Of the file's bytes.
+    """
+
+    source: SourceMap
+    exemplar: Shape
+    sha256: str
+
+
+def read_source_map(path: Path) -> SavedSource:
     """Read where each pixel of an output was copied from.
 
     Args:
         path: An ``.npz`` file that ``torchsynth synthesize --source-map`` wrote.
-
-    Returns:
-        The map, ``(1, 2, OH, OW)``, and height and width of the exemplar.
 
     Raises:
         InputError: If the file is missing, damaged, or no such file.
@@ -38,13 +52,13 @@ def read_source_map(path: Path) -> tuple[SourceMap, Shape]:
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = Path(folder, "map.npz")
         ...     np.savez(path, source=np.zeros((2, 3, 4), np.int32), exemplar_size=np.array([5, 6], np.int32))
-        ...     source, size = read_source_map(path)
-        >>> source.shape, size
+        ...     saved = read_source_map(path)
+        >>> saved.source.shape, saved.exemplar
         (torch.Size([1, 2, 3, 4]), (5, 6))
     """
     try:
-        with path.open("rb") as file:
-            arrays = _arrays(file)
+        data = path.read_bytes()
+        arrays = _arrays(io.BytesIO(data))
     except OSError as error:
         raise InputError(str(path), "must be a readable .npz file", reason(error), "check the path") from None
     except _DAMAGED:
@@ -57,10 +71,11 @@ def read_source_map(path: Path) -> tuple[SourceMap, Shape]:
     source, size = (torch.from_numpy(arrays[name].astype(np.int64)) for name in _ARRAYS)
     if len(source) != 2 or len(size) != 2:
         raise _wrong(path, f"its arrays have shapes {tuple(source.shape)} and {tuple(size.shape)}")
-    return source.unsqueeze(0), (int(size[0]), int(size[1]))
+    digest = hashlib.sha256(data).hexdigest()
+    return SavedSource(source.unsqueeze(0), (int(size[0]), int(size[1])), digest)
 
 
-def _arrays(file: BinaryIO) -> dict[str, NDArray[np.generic]]:
+def _arrays(file: io.BytesIO) -> dict[str, NDArray[np.generic]]:
     loaded = np.load(file, allow_pickle=False)
     if not isinstance(loaded, np.lib.npyio.NpzFile):
         return {}

@@ -272,7 +272,7 @@ def _run(
             fitted = Fitted.to(sweep, level, canvases, task.levels.planes, tree)
         fitted = replace(fitted, sweep=sweep)
         coarser = canvases[level + 1] if level + 1 < recipe.levels else None
-        if number == 0 and (coarser is not None or not task.begins_with_picture):
+        if number == 0 and task.is_sown(coarsest=coarser is None):
             before = to_visit(canvas, None)
             recipe.initial.sow(canvas, coarser, fitted.sites, generators)
             done += len(recipe.sweeps_at(level)) * (before - to_visit(canvas, None))

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from torchsynth import field
-from torchsynth._typing import Frames, Image, Region
+from torchsynth._typing import Frames, Image, Region, Rows, SourceMap
 from torchsynth.canvas import Canvas
 from torchsynth.codebook import Codebook
 from torchsynth.controls import Controls
@@ -29,9 +29,10 @@ from torchsynth.initial import RandomSource
 from torchsynth.lattice import Shape
 from torchsynth.memory import check_memory
 from torchsynth.neighborhood import Plane, output_plane
-from torchsynth.pyramid import border_of, gaussian_pyramid, masked_pyramid
+from torchsynth.pyramid import border_of, gaussian_pyramid, level_shapes, masked_pyramid
 from torchsynth.recipe import Recipe
 from torchsynth.result import check_straight
+from torchsynth.resuming import fitting_source, sources_by_level
 from torchsynth.surroundings import Surroundings, surroundings_of
 
 
@@ -46,6 +47,7 @@ class Task:
         codebook: Trees to be used, if there are any.
         levels: The exemplar's side.
         initial: The picture that synthesis starts from, for each output, if there is one.
+        source: The source map that it starts from instead, likewise.
         target: The picture to follow, likewise.
         guide: What lies upon the output, likewise.
         surroundings: What is known around a hole at each level, if there is one.
@@ -57,6 +59,7 @@ class Task:
     codebook: Codebook | None
     levels: ExemplarLevels
     initial: Image | None
+    source: SourceMap | None
     target: Image | None
     guide: Tensor | None
     surroundings: list[Surroundings] | None
@@ -91,6 +94,7 @@ class Task:
             True
         """
         initial, target, guide = check_pictures(exemplar, size, controls, len(seeds))
+        source = _source(exemplar, size, controls, len(seeds))
         if recipe.blur_seams is not None:
             check_straight("blur_seams", controls.distorts)
         if recipe.patches is not None:
@@ -111,12 +115,17 @@ class Task:
             recipe.patches.check(levels.planes.result[0], size, recipe.boundary)
         if codebook is not None:
             codebook.check(exemplar, recipe, levels.planes)
-        return cls(recipe, size, controls, codebook, levels, initial, target, guide, around)
+        return cls(recipe, size, controls, codebook, levels, initial, source, target, guide, around)
 
-    @property
-    def begins_with_picture(self) -> bool:
-        """Whether the coarsest level starts from the user's picture, whole."""
-        return self.initial is not None and self.surroundings is None
+    def is_sown(self, coarsest: bool) -> bool:
+        """Whether the recipe says what a level shows before its first sweep, rather than the user.
+
+        Args:
+            coarsest: Whether it is the coarsest level.
+        """
+        if self.source is not None:
+            return False
+        return not coarsest or self.initial is None or self.surroundings is not None
 
     def canvases(self, generators: Sequence[torch.Generator]) -> list[Canvas]:
         """A canvas for each level, the finest first.
@@ -125,7 +134,9 @@ class Task:
             generators: One for each output; advanced by what the start draws.
         """
         recipe, images, planes = self.recipe, self.levels.images, self.levels.planes.result
-        if self.initial is None or self.surroundings is not None:
+        if self.source is not None:
+            starts = tuple(map(_shown, images, self._sources(), level_shapes(self.size, recipe.levels)))
+        elif self.initial is None or self.surroundings is not None:
             # Patches cover all there is: it begins black.
             initial = RandomSource() if recipe.patches is not None else recipe.initial
             starts = initial.start(images, self.size, recipe.boundary, generators)
@@ -143,7 +154,16 @@ class Task:
             if around is not None:
                 around.give(canvas)
             canvases.append(canvas)
+        for canvas, source in zip(canvases, self._sources(), strict=False):
+            canvas.resume(source)
         return canvases
+
+    def _sources(self) -> list[Rows]:
+        """What every level of an earlier output was copied from, if one is to be gone on from."""
+        if self.source is None:
+            return []
+        exemplars = [(image.shape[2], image.shape[3]) for image in self.levels.images]
+        return sources_by_level(self.source, exemplars, level_shapes(self.size, self.recipe.levels))
 
     def _pyramid(self, image: Image) -> tuple[Image, ...]:
         return gaussian_pyramid(image, self.recipe.levels, border_of(self.recipe.boundary))
@@ -194,6 +214,26 @@ def check_pictures(
     guide = None if like is None else _batch_of("guide", controls.guide, _batch(like), size, outputs)
     _check_fields(controls, size)
     return initial, target, guide
+
+
+def _source(exemplar: Exemplar, size: Shape, controls: Controls, outputs: int) -> SourceMap | None:
+    """The source map to go on from as a batch, if there is one and it fits."""
+    if controls.initial_source is None:
+        return None
+    source = fitting_source(controls.initial_source, exemplar.shape, size, outputs).to(exemplar.image.device)
+    valid = exemplar.valid
+    if valid is not None and not bool(valid.to(source.device)[source[:, 0], source[:, 1]].all()):
+        raise InputError(
+            "initial_source", "must name valid pixels of the exemplar only", "it names others, too",
+            "pass the source map of a result for the same valid region",
+        )  # fmt: skip
+    return source
+
+
+def _shown(exemplar: Image, source: Rows, shape: Shape) -> Image:
+    """The picture that a level's sources make of the exemplar."""
+    sites = source.unsqueeze(1).expand(-1, exemplar.shape[1], -1)
+    return exemplar.flatten(2).expand(len(source), -1, -1).gather(2, sites).view(len(source), -1, *shape)
 
 
 def _batch(picture: Tensor) -> Tensor:

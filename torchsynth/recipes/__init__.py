@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from torchsynth.following import with_target
+from torchsynth.following import further_pass, with_target
 from torchsynth.recipe import Recipe
 from torchsynth.recipes.analogy import analogy
 from torchsynth.recipes.causal import wei_levoy, wei_levoy_single, wei_levoy_tsvq
@@ -43,6 +43,7 @@ __all__ = [
     "coherent_fill",
     "distorted",
     "efros_leung",
+    "further_pass",
     "graphcut",
     "improved_wl",
     "quilting",
