@@ -179,7 +179,7 @@ def test_a_file_that_is_no_recipe_is_told(tmp_path, text):
 
 def test_a_picture_is_no_recipe(tmp_path):
     (tmp_path / "my.yaml").write_bytes(b"\x89PNG\xff")
-    with pytest.raises(ts.ConfigError, match=r"must be UTF-8 text, but it is not; is this the recipe"):
+    with pytest.raises(ts.ConfigError, match=r"must be UTF-8 text, but it is not; is this YAML"):
         load_recipe(tmp_path / "my.yaml")
 
 

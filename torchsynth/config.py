@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import inspect
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,17 @@ from torchsynth import checks
 from torchsynth.errors import ConfigError
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
+from torchsynth.yaml_text import (
+    YAML_SUFFIXES,
+    as_json,
+    config_error,
+    listed,
+    parse_yaml,
+    path_text,
+    read_yaml,
+    suggestion,
+)
 
-_SUFFIXES = (".yaml", ".yml", ".json")
 _STEP = re.compile(r"(?P<key>[^.\[\]]+)|\[(?P<index>\d+)\]")
 _PATH = re.compile(r"[^.\[\]]+(\.[^.\[\]]+|\[\d{1,9}\])*")
 
@@ -78,7 +86,7 @@ def parse_recipe(data: object, subject: str, overrides: Sequence[str] = ()) -> R
         # Through JSON, where a list is the only sequence: so fields can be strict about types.
         return Recipe.model_validate_json(json.dumps(data))
     except ValidationError as error:
-        raise _config_error(error, data, subject) from None
+        raise config_error(error, data, subject, "the recipe", recipe_schema) from None
     except (TypeError, ValueError, RecursionError) as error:  # dates, aliases that lead in a circle
         raise ConfigError(
             subject, "must hold plain numbers, texts and lists", str(error), "write it as plain YAML"
@@ -135,7 +143,7 @@ def _made(name: str, parameters: Sequence[str]) -> Recipe:
     values = {}
     for parameter in parameters:
         key, _, text = parameter.partition("=")
-        values[key.strip()] = _parse_yaml(text, f"--set {parameter}")
+        values[key.strip()] = parse_yaml(text, f"--set {parameter}")
     try:
         return make(**values)
     except ValidationError as error:
@@ -144,69 +152,17 @@ def _made(name: str, parameters: Sequence[str]) -> Recipe:
         expectation, _, fact = f"{said[0].lower()}{said[1:]}".partition(", but ")
         raise ConfigError(
             f"{name}: {', '.join(parameters)}", f"must suit the recipe: {expectation}",
-            fact or f"it is {checks.shortened(problem['input'], _as_json)}", "change it",
+            fact or f"it is {checks.shortened(problem['input'], as_json)}", "change it",
         ) from None  # fmt: skip
 
 
-def _as_json(value: object) -> str:
-    return json.dumps(value, default=str)  # YAML knows dates as well
-
-
 def _read(source: str | Path) -> object:
-    path = Path(source)
-    if path.suffix.lower() not in _SUFFIXES:
+    if Path(source).suffix.lower() not in YAML_SUFFIXES:
         raise ConfigError(
-            str(source), f"must be one of the recipes {_listed(RECIPES)}, or a .yaml file",
-            "there is no such recipe", _suggestion(str(source), RECIPES),
+            str(source), f"must be one of the recipes {listed(RECIPES)}, or a .yaml file",
+            "there is no such recipe", suggestion(str(source), RECIPES),
         )  # fmt: skip
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        fact = f"the system says: {(error.strerror or str(error)).lower()}"
-        raise ConfigError(str(path), "must be a readable file", fact, "check the path") from None
-    except UnicodeDecodeError:
-        raise ConfigError(
-            str(path), "must be UTF-8 text", "it is not", "is this the recipe, or a picture?"
-        ) from None
-    return _parse_yaml(text, str(path))
-
-
-def _parse_yaml(text: str, subject: str) -> object:
-    """Plain data from YAML text in which no key may be there twice: YAML would silently keep the last."""
-    try:
-        _refuse_duplicates(yaml.compose(text, Loader=yaml.SafeLoader))
-        return yaml.safe_load(text)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        fact = f"{where}{(error.problem or str(error.context)).removeprefix('but ').replace(', but', ',')}"
-    except yaml.reader.ReaderError as error:
-        fact = f"line {text.count(chr(10), 0, error.position) + 1}: {error.reason}"
-    except RecursionError:
-        fact = "it is nested too deeply"
-    except ValueError as error:  # a date or a number that looks like one but is none
-        fact = str(error)
-    raise ConfigError(subject, "must be valid YAML", fact, "correct that line")
-
-
-def _refuse_duplicates(root: yaml.Node | None) -> None:
-    """Look through the whole document once; an alias may lead back to where one has been."""
-    waiting, seen = [root], set()
-    while waiting:
-        node = waiting.pop()
-        if id(node) in seen or not isinstance(node, yaml.CollectionNode):
-            continue
-        seen.add(id(node))
-        if isinstance(node, yaml.SequenceNode):
-            waiting.extend(node.value)
-            continue
-        keys: set[str] = set()
-        for key, value in node.value:
-            waiting.extend((key, value))
-            if isinstance(key, yaml.ScalarNode) and key.value in keys:
-                problem = f"the key {key.value!r} is there twice"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
-            keys.add(str(key.value))
+    return read_yaml(Path(source))
 
 
 def _overridden(data: dict[str, Any], override: str) -> dict[str, Any]:
@@ -219,7 +175,7 @@ def _overridden(data: dict[str, Any], override: str) -> dict[str, Any]:
         match["key"] if match["index"] is None else int(match["index"])
         for match in _STEP.finditer(path.strip())
     ]
-    value = _parse_yaml(text, subject)
+    value = parse_yaml(text, subject)
     changed = copy.deepcopy(data)
     place: Any = changed
     for done, step in enumerate(steps, start=1):
@@ -229,7 +185,7 @@ def _overridden(data: dict[str, Any], override: str) -> dict[str, Any]:
         # The last step may be new: a field that has its default is not in the data.
         if not fits or (step not in known and not (last and isinstance(place, dict))):
             raise ConfigError(
-                subject, "the path must exist in the recipe", f"there is no {_path(steps[:done])!r}",
+                subject, "the path must exist in the recipe", f"there is no {path_text(steps[:done])!r}",
                 "look the path up with 'torchsynth show RECIPE'",
             )  # fmt: skip
         if last:
@@ -237,84 +193,3 @@ def _overridden(data: dict[str, Any], override: str) -> dict[str, Any]:
         else:
             place = place[step]
     return changed
-
-
-def _config_error(error: ValidationError, data: object, subject: str) -> ConfigError:
-    """The most telling problem pydantic found, in the words of this library."""
-    # A misspelt field is missing under its right name too: the misspelling says more.
-    problem = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
-    path = _data_path(problem["loc"], data)
-    kind, context = problem["type"], problem.get("ctx", {})
-    if kind.startswith("union_tag"):
-        path = [*path, "kind"]
-    where = f"{_path(path)!r}" if path else "the recipe"
-    message = problem["msg"].removeprefix("Value error, ")
-    message = message[0].lower() + message[1:]
-    match kind:
-        case "extra_forbidden":
-            expectation, fact = f"{where} must be a known field", "there is no such field"
-            remedy = _suggestion(str(path[-1]), _fields_at(path[:-1], data))
-        case "missing" | "union_tag_not_found":
-            expectation, fact, remedy = f"{where} is required", "it is missing", "add it"
-        case "union_tag_invalid":
-            kinds = str(context["expected_tags"]).replace("'", "")
-            expectation, fact = f"{where} must be one of {kinds}", f"it is {context['tag']!r}"
-            remedy = _suggestion(str(context["tag"]), kinds.split(", "))
-        case "value_error":
-            expectation, but, fact = message.partition(", but ")
-            expectation = f"{where}: {expectation}" if but else f"{where} must fit together"
-            fact, remedy = fact or message, "change it"
-        case "too_short":
-            expectation, fact = f"{where} must have {context['min_length']} or more", "there is none"
-            remedy = "add one"
-        case _:
-            fact = f"it is {checks.shortened(problem['input'], _as_json)}"
-            expectation, remedy = f"{where}: {message}", "change it"
-    return ConfigError(subject, expectation, fact, remedy)
-
-
-def _data_path(loc: Sequence[int | str], data: object) -> list[int | str]:
-    """The place of a problem in the user's data: pydantic also names the chosen kind or type, which is not."""
-    path: list[int | str] = []
-    for number, step in enumerate(loc):
-        if isinstance(data, str | int | float):
-            break
-        inside = isinstance(data, dict) and step in data
-        if isinstance(data, dict) and not inside and data.get("kind") == step:
-            continue
-        path.append(step)
-        if inside or (isinstance(data, list) and isinstance(step, int) and step < len(data)):
-            data = data[step]  # type: ignore[index]
-        elif number < len(loc) - 1:
-            data = None
-    return path
-
-
-def _fields_at(path: Sequence[int | str], data: Any) -> list[str]:  # noqa: ANN401 (any YAML)
-    """The fields of the recipe, or of the part at a path in it."""
-    schema = recipe_schema()
-    parts, part = schema["$defs"], schema
-    for step in path:
-        place = part["items"] if isinstance(step, int) else part["properties"][step]
-        data = data[step]
-        choices = place.get("oneOf") or place.get("anyOf") or [place]
-        choices = [one for choice in choices for one in choice.get("oneOf", [choice])]
-        named = [parts[choice["$ref"].split("/")[-1]] if "$ref" in choice else choice for choice in choices]
-        kind = data.get("kind") if isinstance(data, dict) else None
-        matching = [one for one in named if one.get("properties", {}).get("kind", {}).get("const") == kind]
-        part = (matching or named)[0]
-    return sorted(part["properties"])
-
-
-def _path(steps: Iterable[int | str]) -> str:
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
-    return text.removeprefix(".")
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names))
-
-
-def _suggestion(word: str, names: Iterable[str]) -> str:
-    close = difflib.get_close_matches(word, list(names), n=1)
-    return f"did you mean {close[0]!r}?" if close else f"choose from: {_listed(names)}"

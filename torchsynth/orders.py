@@ -11,6 +11,7 @@ from torch import Tensor
 from torchsynth import checks
 from torchsynth._typing import Region, SourceMap
 from torchsynth.analogy import Analogy, plan_analogy
+from torchsynth.codecs import Depth
 from torchsynth.completion import Plan, plan_extension, plan_filling, plan_tiling
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
@@ -73,6 +74,12 @@ class Order:
         plan = _plan(job, image, hole, inputs, valid)
         alpha = None if len(image) == len(picture.image) else _opaque(picture.image[-1:], hole)
         return cls(plan.exemplar, plan.size, plan.controls, plan.fitting(job.recipe), picture, alpha)
+
+    @property
+    def depth(self) -> Depth:
+        """In which the output is stored: as the picture, but means of black and white are gray."""
+        copied = self.recipe.has_sources and self.recipe.blur_seams is None
+        return "8-bit" if self.picture.depth == "1-bit" and not copied else self.picture.depth
 
     def finished(self, image: Tensor) -> Tensor:
         """The output's pictures, with the alpha channel that is theirs."""

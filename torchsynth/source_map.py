@@ -75,6 +75,23 @@ def read_source_map(path: Path) -> SavedSource:
     return SavedSource(source.unsqueeze(0), (int(size[0]), int(size[1])), digest)
 
 
+def encode_source_map(source: SourceMap, exemplar: Shape) -> bytes:
+    """The content of the file that :func:`read_source_map` reads.
+
+    Args:
+        source: The map of one output, ``(1, 2, OH, OW)``.
+        exemplar: Height and width of the exemplar.
+
+    Example:
+        >>> encode_source_map(torch.zeros(1, 2, 3, 4, dtype=torch.int64), (5, 6))[:2]
+        b'PK'
+    """
+    buffer = io.BytesIO()
+    rows_and_columns = source[0].cpu().numpy().astype(np.int32)
+    np.savez_compressed(buffer, source=rows_and_columns, exemplar_size=np.array(exemplar, dtype=np.int32))
+    return buffer.getvalue()
+
+
 def _arrays(file: io.BytesIO) -> dict[str, NDArray[np.generic]]:
     loaded = np.load(file, allow_pickle=False)
     if not isinstance(loaded, np.lib.npyio.NpzFile):
