@@ -17,6 +17,7 @@ from rich.progress import (
 
 from torchsynth import synthesis
 from torchsynth._typing import Image
+from torchsynth.batch import BatchProgress
 from torchsynth.training import TrainingProgress
 
 
@@ -49,7 +50,21 @@ def training_bar() -> Iterator[TrainingProgress | None]:
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[str, int, int], None] | None]:
+def batch_bar() -> Iterator[BatchProgress | None]:
+    """The same for many outputs, which are counted."""
+    with _bar("outputs") as draw:
+        if draw is None:
+            yield None
+            return
+
+        def show(done: int, total: int, about: str) -> None:
+            draw(about, done, total)
+
+        yield show
+
+
+@contextmanager
+def _bar(unit: str = "pixels") -> Iterator[Callable[[str, int, int], None] | None]:
     """What draws a description, done / total and time left on a terminal; None elsewhere."""
     if not sys.stderr.isatty():  # rich itself also draws where FORCE_COLOR is set
         yield None
@@ -58,7 +73,7 @@ def _bar() -> Iterator[Callable[[str, int, int], None] | None]:
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("pixels"),
+        TextColumn(unit),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:

@@ -1,0 +1,140 @@
+"""What a folder of outputs holds, so that work that was stopped can go on."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from torchsynth.batch.work import Made, Output
+from torchsynth.errors import OutputError
+from torchsynth.io import staging
+
+NAME = "manifest.json"
+"""The manifest's file, in the folder of the outputs."""
+
+_FORMAT = "torchsynth batch 1"
+
+
+@dataclass
+class Manifest:
+    """The finished outputs of a folder, by key.
+
+    Args:
+        folder: Where they are.
+        entries: For each key what was made, its file, and the file's SHA-256.
+    """
+
+    folder: Path
+    entries: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, folder: Path) -> Manifest:
+        """That of a folder, empty if there is none yet.
+
+        Raises:
+            OutputError: If there is a file of that name that is no manifest.
+
+        Example:
+            >>> import tempfile
+            >>> with tempfile.TemporaryDirectory() as folder:
+            ...     Manifest.read(Path(folder)).entries
+            {}
+        """
+        path = folder / NAME
+        if not path.exists():
+            return cls(folder)
+        try:
+            found = json.loads(path.read_bytes())
+        except (OSError, ValueError):
+            found = None
+        entries = found.get("outputs") if isinstance(found, dict) and found.get("format") == _FORMAT else None
+        if not isinstance(entries, dict) or not all(isinstance(one, dict) for one in entries.values()):
+            raise OutputError(
+                str(path), "must be what 'torchsynth batch' wrote", "it is another file, or damaged",
+                "move it away: finished outputs are found again by their records",
+            )  # fmt: skip
+        return cls(folder, entries)
+
+    def holds(self, output: Output, suffix: str) -> bool:
+        """Whether an output is there; one that was finished but never noted is noted.
+
+        Args:
+            output: Which.
+            suffix: The ending of its picture.
+
+        Raises:
+            OutputError: If its picture is no longer what was made.
+        """
+        entry = self.entries.get(output.key) or self._left_behind(output, suffix)
+        picture = None if entry is None else self._picture(entry)
+        if entry is None or picture is None:
+            return False
+        if hashlib.sha256(picture).hexdigest() != entry.get("sha256"):
+            raise OutputError(
+                str(self.folder / entry["file"]), "must be as it was made", "it was changed since",
+                "move it away to have it made again",
+            )  # fmt: skip
+        self.entries[output.key] = entry
+        return True
+
+    def save(self, finished: Sequence[Made]) -> None:
+        """Write the files of some outputs, and then the manifest that names them.
+
+        Each is written whole or not at all, and an output's record after its picture.
+
+        Args:
+            finished: The outputs.
+
+        Raises:
+            OutputError: If the disk is full, or anything else keeps a file from being written.
+        """
+        for made in finished:
+            entry = {"file": next(iter(made.files)), "sha256": made.sha256} | made.output.about
+            self.entries[made.output.key] = entry
+        content = json.dumps({"format": _FORMAT, "outputs": self.entries}, indent=1)
+        with staging() as put:
+            for made in finished:
+                for name, data in made.files.items():
+                    put(self.folder / name, data)
+            put(self.folder / NAME, content.encode())
+
+    def clear(self) -> None:
+        """Remove what a process left behind that was killed while it wrote."""
+        for path in self.folder.glob(".*.part"):
+            pid = path.name.split(".")[-2]
+            if pid.isdigit() and not _is_running(int(pid)):
+                with contextlib.suppress(OSError):
+                    path.unlink()
+
+    def _left_behind(self, output: Output, suffix: str) -> dict[str, Any] | None:
+        """The entry of a finished output that did not come into the manifest any more."""
+        try:
+            record = json.loads((self.folder / f"{output.stem}.json").read_bytes())
+            noted = record["batch"]
+            if noted["key"] != output.key:
+                return None
+            return {"file": f"{output.stem}{suffix}", "sha256": noted["sha256"]} | output.about
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def _picture(self, entry: dict[str, Any]) -> bytes | None:
+        try:
+            return (self.folder / str(entry["file"])).read_bytes()
+        except (OSError, KeyError):
+            return None
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
