@@ -63,7 +63,7 @@ def test_every_output_is_that_of_a_single_call(folder, capsys):
 
 def test_its_records_make_the_same_again(folder):
     main(["batch", "jobs.yaml", "--out", "made"])
-    record = sorted(Path("made").glob("two-small*.json"))[0]
+    record = sorted((folder / "made").glob("two-small*.json"))[0]
     assert main(["rerun", str(record), "-o", "again.png"]) == 0
     assert Path("again.png").read_bytes() == record.with_suffix(".png").read_bytes()
 
@@ -162,7 +162,7 @@ def test_one_bad_job_does_not_stop_the_rest(folder, capsys, make_exemplar):
 
 def test_a_picture_that_was_changed_is_left_alone(folder, capsys):
     main(["batch", "jobs.yaml", "--out", "made"])
-    changed = sorted(Path("made").glob("*.png"))[0]
+    changed = sorted((folder / "made").glob("*.png"))[0]
     changed.write_bytes(b"mine")
     capsys.readouterr()
     assert main(["batch", "jobs.yaml", "--out", "made"]) == 1
@@ -202,7 +202,7 @@ def test_files_are_found_beside_the_grid(folder, monkeypatch):
 def test_progress_counts_outputs(folder):
     told = []
     grid = Grid(exemplars=["one.png", "two.png"], recipes=["ashikhmin"], sizes=["5x5"], seeds="0..19")
-    run_batch(grid, folder / "made", progress=lambda done, total, about: told.append((done, total)))
+    run_batch(grid, folder / "made", progress=lambda done, total, _: told.append((done, total)))
     assert told == [(16, 40), (20, 40), (36, 40), (40, 40)]
 
 
@@ -233,7 +233,7 @@ def test_wrong_grids_are_one_line(folder, capsys, text, message):
     said = capsys.readouterr().err
     assert message in said
     assert said.count("\n") == 1
-    assert not Path("made").exists()
+    assert not (folder / "made").exists()
 
 
 @pytest.mark.parametrize(
@@ -252,10 +252,11 @@ def test_wrong_arguments_are_one_line(folder, capsys, arguments, message):
     Path("full/manifest.json").write_text('{"name": "my extension"}', encoding="utf-8")
     assert main(["batch", *arguments]) == 2
     assert message in capsys.readouterr().err
-    assert not Path("made").exists()
+    assert not (folder / "made").exists()
 
 
-def test_without_ray(folder, capsys, monkeypatch):
+@pytest.mark.usefixtures("folder")
+def test_without_ray(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     assert main(["batch", "jobs.yaml", "--out", "made", "--engine", "ray"]) == 2
     assert 'install it: pip install "torchsynth-textures[ray]"' in capsys.readouterr().err
