@@ -274,7 +274,7 @@ def cluster():
 
 def test_ray_makes_the_same_bytes(folder, cluster):
     grid = load_grid(Path("jobs.yaml")).model_copy(update={"source_maps": True})
-    here, there = (
+    _, there = (
         run_batch(grid, folder / name, engine=one) for name, one in (("here", in_process), ("there", cluster))
     )
     assert len(there.made) == MANY
