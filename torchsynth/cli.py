@@ -262,9 +262,7 @@ def _adapted(recipe: Recipe, has_target: bool, passes: int | None, blur_seams: i
     if has_target and (passes is not None or not recipe.follows_target):
         recipe = with_target(recipe, passes=passes)
     if blur_seams is not None:
-        recipe = config.parse_recipe(
-            recipe.model_dump(mode="json", exclude_none=True) | {"blur_seams": blur_seams}, "--blur-seams"
-        )
+        recipe = config.parse_recipe(recipe.plain() | {"blur_seams": blur_seams}, "--blur-seams")
     return recipe
 
 
