@@ -226,7 +226,8 @@ def _own_row(field: Field) -> list[Field]:
     """The kind of a part without its fields, which have a group; whether it is there was asked before."""
     if field.shape.control != "kind":
         return []
-    return [replace(field, label="Kind", shape=replace(field.shape, optional=False), children=())]
+    label = "Kind" if field.shape.optional else field.label
+    return [replace(field, label=label, shape=replace(field.shape, optional=False), children=())]
 
 
 def _heading(level: str, text: str, said: str = "") -> str:
