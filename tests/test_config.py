@@ -68,6 +68,12 @@ def test_a_field_that_has_its_default_can_be_set():
     assert load_recipe("wei_levoy_single", ["sweeps[0].levels=[0]"]).sweeps[0].levels == (0,)
 
 
+def test_a_null_that_is_not_the_default_is_kept():
+    recipe = load_recipe("efros_leung", ["max_error=null"])
+    assert recipe.sweeps[0].accept.max_error is None
+    assert parse_recipe(yaml.safe_load(dump_recipe(recipe)), "x") == recipe
+
+
 def test_setting_a_value_leaves_the_data_alone():
     data = yaml.safe_load(GOOD)
     parse_recipe(data, "x", ["levels=2"])

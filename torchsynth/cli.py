@@ -277,9 +277,7 @@ def _adapted(
     if again:
         recipe = further_pass(recipe)
     if blur_seams is not None:
-        recipe = config.parse_recipe(
-            recipe.model_dump(mode="json", exclude_none=True) | {"blur_seams": blur_seams}, "--blur-seams"
-        )
+        recipe = config.parse_recipe(recipe.plain() | {"blur_seams": blur_seams}, "--blur-seams")
     return recipe
 
 

@@ -55,7 +55,7 @@ def load_recipe(source: str | Path, overrides: Sequence[str] = ()) -> Recipe:
     parameters = [one for one in overrides if one.partition("=")[0].strip() in names and "=" in one]
     made = _made(str(source), parameters)
     rest = [one for one in overrides if one not in parameters]
-    return parse_recipe(made.model_dump(mode="json", exclude_none=True), str(source), rest)
+    return parse_recipe(made.plain(), str(source), rest)
 
 
 def parse_recipe(data: object, subject: str, overrides: Sequence[str] = ()) -> Recipe:
@@ -101,9 +101,7 @@ def dump_recipe(recipe: Recipe) -> str:
         >>> print(dump_recipe(recipes.wei_levoy_single()).splitlines()[0])
         name: wei_levoy_single
     """
-    return yaml.dump(
-        recipe.model_dump(mode="json", exclude_none=True), Dumper=_Dumper, sort_keys=False, width=100
-    )
+    return yaml.dump(recipe.plain(), Dumper=_Dumper, sort_keys=False, width=100)
 
 
 def recipe_schema() -> dict[str, Any]:

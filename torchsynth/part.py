@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import BaseModel, ConfigDict
 
 
@@ -18,3 +20,28 @@ class Part(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    def plain(self) -> dict[str, Any]:
+        """As plain data, for YAML and JSON; a field that is None, as it is by default, is left out.
+
+        Example:
+            >>> from torchsynth.accept import WithinTolerance
+            >>> WithinTolerance(max_error=None).plain()["max_error"] is None
+            True
+            >>> from torchsynth.search import TSVQ
+            >>> "depth" in TSVQ().plain()
+            False
+        """
+        plain: dict[str, Any] = _plain(self, self.model_dump(mode="json"))
+        return plain
+
+
+def _plain(value: object, dumped: Any) -> Any:  # noqa: ANN401 (any value of any field)
+    """What pydantic made of a value, without what says no more than the default."""
+    if isinstance(value, Part):
+        fields = type(value).model_fields
+        said = [name for name in dumped if dumped[name] is not None or fields[name].default is not None]
+        return {name: _plain(getattr(value, name), dumped[name]) for name in said}
+    if isinstance(value, tuple):
+        return [_plain(*both) for both in zip(value, dumped, strict=True)]
+    return dumped

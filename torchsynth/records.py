@@ -164,7 +164,7 @@ def record_of(job: Job, recipe: Recipe, digests: dict[str, str], size: Shape, se
     """
     completion = job.completion.model_dump(mode="json", exclude_defaults=True)
     return {
-        "recipe": recipe.model_dump(mode="json", exclude_none=True),
+        "recipe": recipe.plain(),
         "size": list(size),
         "seed": seed,
         **({} if job.completion == _FROM_SCRATCH else {"completion": completion}),

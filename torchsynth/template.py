@@ -29,7 +29,9 @@ def _odd(size: int) -> int:
     return size
 
 
-Side: TypeAlias = Annotated[int, Field(ge=1, le=255), AfterValidator(_odd)]
+Side: TypeAlias = Annotated[
+    int, Field(ge=1, le=255, json_schema_extra={"not": {"multipleOf": 2}}), AfterValidator(_odd)
+]
 """The side of a neighborhood in pixels: odd, so that it has a center."""
 
 
@@ -37,8 +39,11 @@ class Causal(Part):
     """The L shape of a scanline: all rows above, and the pixels to the left in the same row.
 
     An ``n x n`` causal template has ``(n * n - 1) / 2`` neighbors: 12 for 5x5, 40 for 9x9. The pixel
-    itself is not among them. Visible effect of ``size``: a larger one keeps larger structures whole,
-    and costs in proportion to its area. Source: Wei & Levoy 2000, section 2.
+    itself is not among them. Source: Wei & Levoy 2000, section 2.
+
+    Args:
+        size: Side of the square in pixels, odd, 3 or more. Visible effect: a larger one keeps larger
+            structures whole, and costs in proportion to its area.
 
     Example:
         >>> Causal(size=3).offsets().tolist()
@@ -60,6 +65,10 @@ class Anticausal(Part):
     In a scanline these are the pixels that are still to come, so it is laid on planes that are there
     from the start, such as a painted target. Source: Ashikhmin 2001, section 4 and figure 7.
 
+    Args:
+        size: Side of the square in pixels, odd. Visible effect: a larger one follows a target's larger
+            structures, and its details less.
+
     Example:
         >>> Anticausal(size=3).offsets().tolist()
         [[0, 0], [0, 1], [1, -1], [1, 0], [1, 1]]
@@ -79,6 +88,11 @@ class Square(Part):
 
     With its center it compares finished planes, such as the coarser pyramid level; without it, it is
     the symmetric neighborhood of a pixel that is about to be replaced.
+
+    Args:
+        size: Side of the square in pixels, odd. Visible effect: a larger one keeps larger structures
+            whole, and costs in proportion to its area.
+        center: Whether the pixel in the middle is compared as well.
 
     Example:
         >>> len(Square(size=5).offsets()), len(Square(size=5, center=False).offsets())

@@ -82,7 +82,7 @@ def _batches(job: Job, name: str, inputs: Inputs, grid: Grid) -> list[Work]:
     assert job.recipe is not None, "it was loaded"  # noqa: S101 (for the type checker)
     order = Order.of(job, inputs)
     decisive = {
-        "recipe": job.recipe.model_dump(mode="json", exclude_none=True),
+        "recipe": job.recipe.plain(),
         "inputs": inputs.digests,
         "size": list(order.size),
         "versions": versions(),
