@@ -12,6 +12,7 @@ from pathlib import Path
 
 import arguments
 import efros_leung_windows
+import gallery_figures
 import gallery_guided
 import numpy as np
 import torch
@@ -212,6 +213,7 @@ def windows() -> Pixels:
 PICTURES: tuple[Callable[[], Pixels], ...] = (
     strip, larger, resolutions, algorithms, patches, tiles, seeds, transfer, levels, initial, target, fields,
     region, filling, removal, extended, tiled, windows, gallery_guided.objects, gallery_guided.analogies,
+    gallery_figures.figures,
 )  # fmt: skip
 
 

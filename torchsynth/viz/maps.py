@@ -13,7 +13,7 @@ from torchsynth.viz.lettering import BAR, LINE, caption, scale, shades
 from torchsynth.viz.paper import GAP, Laid, enlarged, factor_for, paper, shown
 
 _CELL = 12
-_COSTS = "how far each neighborhood is from its match: root of the mean squared difference"
+_COSTS = "difference to the match: root of the mean square"
 
 
 def draw_patches(result: Result) -> Image:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import torch
+from torch import Tensor
 
 from torchsynth._typing import Image
 from torchsynth.result import Result
@@ -17,7 +18,8 @@ def draw_pyramid(result: Result) -> Image:
 
     Example:
         >>> import torchsynth as ts
-        >>> result = ts.synthesize(torch.rand(1, 16, 16), (20, 24), ts.recipes.ashikhmin_multires(levels=2))
+        >>> recipe = ts.recipes.wei_levoy(levels=2, neighborhood=5)
+        >>> result = ts.synthesize(torch.rand(1, 16, 16), (20, 24), recipe)
         >>> draw_pyramid(result).shape  # two columns of 24, three rows of 16, 20 and 20, and gaps of 8
         torch.Size([1, 3, 88, 72])
     """
@@ -29,7 +31,7 @@ def draw_pyramid(result: Result) -> Image:
     return torch.stack([_page(rows, item) for item in range(len(result.image))])
 
 
-def _page(rows: list[list[Image]], item: int) -> Image:
+def _page(rows: list[list[Image]], item: int) -> Tensor:
     step = GAP + max(row[0].shape[-1] for row in rows)
     laid, top = [], GAP
     for row in rows:

@@ -24,7 +24,7 @@ _SIDE = 54
 _THICKEST = 13
 _LINK = 30
 _EMPTY = (0.88, 0.88, 0.88)
-_SELF = (0.90, 0.35, 0.10)
+_SELF = (0.00, 0.45, 0.70)
 _INK = (0.35, 0.35, 0.35)
 
 
@@ -32,7 +32,7 @@ def draw_tree(codebook: Codebook, level: int = 0, steps: int = STEPS, channels: 
     """The top of a TSVQ tree: every node as the mean neighborhood of its vectors, with their number.
 
     The lines between nodes are the thicker the more vectors go that way. A neighborhood is drawn layer below
-    layer, a coarser one with larger pixels; the pixel whose neighborhood it is is orange where it is not
+    layer, a coarser one with larger pixels; the pixel whose neighborhood it is is blue where it is not
     compared itself, and what is not compared is gray. Means are pale, so all are shown in full contrast: the
     least value of any of them as black, the greatest as white.
 
@@ -60,7 +60,7 @@ def draw_tree(codebook: Codebook, level: int = 0, steps: int = STEPS, channels: 
     training = _training(codebook, level)
     tree = codebook.trees[training]
     portrait = _Portrait.of(training, tree.centroids.shape[1], channels)
-    drawing = _Drawing(tree, portrait, _sizes(tree), min(steps, max(1, tree.unpack().depth)))
+    drawing = _Drawing(tree, portrait, sizes_of(tree), min(steps, max(1, tree.unpack().depth)))
     return torch.stack([drawing.page(root, level) for root in range(tree.roots)])
 
 
@@ -90,8 +90,15 @@ def _training(codebook: Codebook, level: int) -> Training:
     return found[0]
 
 
-def _sizes(tree: PackedTree) -> list[int]:
-    """How many vectors are below each node."""
+def sizes_of(tree: PackedTree) -> list[int]:
+    """How many vectors are below each node; with ``central`` leaves, how many leaves.
+
+    Example:
+        >>> import torchsynth as ts
+        >>> book = ts.train(torch.rand(1, 16, 16), ts.recipes.wei_levoy_tsvq(levels=1, neighborhood=5))
+        >>> sizes_of(next(iter(book.trees.values())))[0]  # places of a 5x5 square, without its lower half
+        168
+    """
     sizes = tree.counts.long().tolist()
     for node, first in reversed(list(enumerate(tree.children.tolist()))):  # children come after their parents
         if first >= 0:
@@ -213,7 +220,7 @@ class _Drawing:
         shown_all = all(self._ends(node, step) for node, step, _ in self._nodes(root))
         return (
             f"level {level}: {self.sizes[root]:,} neighborhoods in {len(leaves):,} leaves; "
-            f"each node shows the mean of those below it"
+            f"each node shows the mean of those below it, in full contrast"
             + ("" if shown_all else " (... where the tree goes on)")
         )
 
