@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from itertools import chain
 from pathlib import Path
 
 from torchsynth._typing import Image
@@ -90,8 +91,8 @@ class Figures:
         for kind, path in paths.items():
             if kind == "animation" and recorder is not None:
                 # Blurred seams are not seen by the recorder.
-                frames = [*recorder.frames(item), alone.image.float().cpu()]
-                put(path, encode_animation([self.order.finished(frame) for frame in frames], path))
+                frames = chain(recorder.frames(item), [alone.image.float().cpu()])
+                put(path, encode_animation(map(self.order.finished, frames), path))
             else:
                 drawing = draw(kind, alone, self.order.controls, self.codebook)[0]
                 put(path, encode_image(drawing, path, "8-bit"))

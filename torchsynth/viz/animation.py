@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ SIDES = {".gif": 65535, ".png": 2**31 - 1, ".apng": 2**31 - 1, ".webp": 16383}
 MOST = 80
 """About so many frames are kept, evenly spread over the pixels that are visited."""
 
-_BUDGET = 2**29
+_BUDGET = 2**28
 _FEWEST = 12
 _CHANNELS = 4
 _STEP, _LAST = 80, 2000
@@ -41,7 +42,7 @@ class Recorder:
 
     Of coarse levels there are fewer frames than of fine ones, in proportion to their pixels; of every level
     there is at least the one it starts from. Of large or many outputs less than :data:`MOST` are kept, so that
-    they take no more than half a gibibyte.
+    they take no more than a quarter of a gibibyte.
 
     Example:
         >>> import tempfile, torchsynth as ts
@@ -50,7 +51,7 @@ class Recorder:
         >>> result = ts.synthesize(torch.rand(1, 16, 16), (20, 24), recipe, progress=recorder)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     written = recorder.save(Path(folder, "growing.gif"))
-        >>> frames = recorder.frames()  # in 8 bits
+        >>> frames = list(recorder.frames())  # in 8 bits
         >>> len(frames) > 5, bool((frames[-1] - result.image).abs().max() < 1 / 255)
         (True, True)
     """
@@ -89,29 +90,28 @@ class Recorder:
         height, width = max(tuple(one.shape[-2:]) for one in self._kept)
         return height, width
 
-    def frames(self, item: int = 0) -> list[Image]:
+    def frames(self, item: int = 0) -> Iterator[Image]:
         """The pictures of one output, ``(1, C, H, W)`` each, coarse levels enlarged; no two alike in a row.
 
         Args:
             item: Which of the outputs that were made together.
 
         Raises:
-            InputError: If nothing was recorded.
+            InputError: If nothing was recorded, or there is no such output.
         """
-        return list(self._frames(item))
-
-    def _frames(self, item: int) -> Iterator[Image]:
-        size, before = self.size, None
-        if not 0 <= item < len(self._kept[0]):
+        size, outputs = self.size, len(self._kept[0])
+        if not 0 <= item < outputs:
             raise InputError(
-                "item", f"must be from 0 to {len(self._kept[0]) - 1}, one of the outputs made together",
-                f"it is {item}", "choose one of them",
+                "item", f"must be from 0 to {outputs - 1}, one of the outputs made together", f"it is {item}",
+                "choose one of them",
             )  # fmt: skip
-        for kept in self._kept:
-            one = kept[item : item + 1]
-            if before is None or not one.equal(before):
-                yield stretched(one.float() / 255, size)
-            before = one
+        # One at a time: as floats, all of them would take four times as much memory.
+        ones = [kept[item : item + 1] for kept in self._kept]
+        return (
+            stretched(one.float() / 255, size)
+            for number, one in enumerate(ones)
+            if number == 0 or not one.equal(ones[number - 1])
+        )
 
     def save(
         self, path: str | Path, item: int = 0, last: Tensor | None = None, overwrite: bool = False
@@ -134,7 +134,8 @@ class Recorder:
         target = Path(path)
         check_animation(target, self.size)
         check_writable(target, overwrite=overwrite)
-        frames = self.frames(item) + ([] if last is None else [last.view(1, *last.shape[-3:])])
+        finished = [] if last is None else [last.view(1, *last.shape[-3:])]
+        frames = chain(self.frames(item), finished)
         with staging() as put:
             put(target, encode_animation(frames, target))
         return target
@@ -162,7 +163,7 @@ def check_animation(path: Path, size: Shape) -> None:
         )  # fmt: skip
 
 
-def encode_animation(frames: Sequence[Image], path: Path) -> bytes:
+def encode_animation(frames: Iterable[Image], path: Path) -> bytes:
     """The bytes of an animation, which shows its last frame for two seconds and begins again.
 
     Args:
@@ -180,7 +181,7 @@ def encode_animation(frames: Sequence[Image], path: Path) -> bytes:
     return file.getvalue()
 
 
-def _pictures(frames: Sequence[Image]) -> list[Pillow.Image]:
+def _pictures(frames: Iterable[Image]) -> list[Pillow.Image]:
     """Frames for Pillow, no two alike in a row: gray ones if all are."""
     pixels = [(shown(frame)[0].double() * 255).round().clamp(0, 255).to(torch.uint8) for frame in frames]
     pixels = [one for number, one in enumerate(pixels) if number == 0 or not one.equal(pixels[number - 1])]

@@ -64,6 +64,17 @@ def paper(shape: Shape, laid: Iterable[Laid]) -> Float[Tensor, "3 height width"]
     return white
 
 
+def stacked(pages: Sequence[Tensor]) -> Image:
+    """Papers of one width as a batch: the shorter ones are white below.
+
+    Example:
+        >>> stacked([torch.zeros(3, 1, 2), torch.zeros(3, 2, 2)])[0, 0].tolist()
+        [[0.0, 0.0], [1.0, 1.0]]
+    """
+    height = max(page.shape[1] for page in pages)
+    return torch.stack([paper((height, page.shape[2]), [Laid(page, 0, 0)]) for page in pages])
+
+
 def block(color: Sequence[float], shape: Shape) -> Float[Tensor, "3 height width"]:
     """A rectangle of one color.
 

@@ -14,7 +14,7 @@ from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.result import Result
 from torchsynth.viz.lettering import BAR, caption, check_matplotlib
-from torchsynth.viz.paper import GAP, Laid, block, enlarged, factor_for, paper, shown
+from torchsynth.viz.paper import GAP, Laid, block, enlarged, factor_for, paper, shown, stacked
 
 _USUAL = 5
 _MARK = (1.0, 0.0, 1.0)
@@ -78,8 +78,7 @@ def draw_sheet(result: Result, controls: Controls | None = None) -> Image:
         first = before[number if len(before) > 1 else 0]
         heads = (f"{name} {_size(first)}", f"{result.recipe.name} {_size(image)}, seed {seed}")
         pages.append(sheet(dict(zip(heads, (first, image), strict=True)))[0])
-    height = max(page.shape[1] for page in pages)
-    return torch.stack([paper((height, page.shape[2]), [Laid(page, 0, 0)]) for page in pages])
+    return stacked(pages)
 
 
 def _before(result: Result, controls: Controls) -> tuple[str, Image]:
@@ -105,7 +104,7 @@ def _prepared(name: str, picture: Tensor) -> Tensor:
 
 
 def _cell(name: str, picture: Tensor) -> tuple[Tensor, Tensor]:
-    return caption(name, max(BAR, picture.shape[2])), picture
+    return caption(name, max(2 * BAR, picture.shape[2])), picture
 
 
 def _arranged(rows: list[list[tuple[Tensor, Tensor]]]) -> Tensor:

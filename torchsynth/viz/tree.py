@@ -15,7 +15,7 @@ from torchsynth.codebook import Codebook, PackedTree, Training
 from torchsynth.errors import InputError
 from torchsynth.neighborhood import Layer
 from torchsynth.viz.lettering import LINE, caption, check_matplotlib, lettering
-from torchsynth.viz.paper import GAP, Laid, block, enlarged, paper, shown
+from torchsynth.viz.paper import GAP, Laid, block, enlarged, paper, shown, stacked
 
 STEPS = 4
 """How far below the root a drawing goes, if nothing else is said."""
@@ -61,7 +61,7 @@ def draw_tree(codebook: Codebook, level: int = 0, steps: int = STEPS, channels: 
     tree = codebook.trees[training]
     portrait = _Portrait.of(training, tree.centroids.shape[1], channels)
     drawing = _Drawing(tree, portrait, sizes_of(tree), min(steps, max(1, tree.unpack().depth)))
-    return torch.stack([drawing.page(root, level) for root in range(tree.roots)])
+    return stacked([drawing.page(root, level) for root in range(tree.roots)])
 
 
 def left_to_right(children: Int[Tensor, " nodes"], node: int = 0) -> list[int]:
