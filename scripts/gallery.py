@@ -12,6 +12,7 @@ from pathlib import Path
 
 import arguments
 import efros_leung_windows
+import gallery_figures
 import gallery_guided
 import numpy as np
 import torch
@@ -117,7 +118,7 @@ def patches() -> Pixels:
     plain = ts.synthesize(sample, (128, 128), recipe, seed=0)
     blurred = texture(sample, 128, 128, ts.recipes.ashikhmin(blur_seams=3))
     output, drawn, sources = (
-        shown(one[0]) for one in (plain.image, ts.drawing.draw_patches(plain), ts.drawing.draw_sources(plain))
+        shown(one[0]) for one in (plain.image, ts.viz.draw_patches(plain), ts.viz.draw_sources(plain))
     )
     near = [enlarged(one[72:104, 76:108], 128) for one in (output, blurred)]
     return in_a_row([shown(sample), output, drawn, source_colors(128, 128), sources, *near])
@@ -151,7 +152,7 @@ def fields() -> Pixels:
         sample = ts.read_image(f"sample:{name}")
         row = [shown(sample)]
         for one in controls:
-            drawn = ts.drawing.draw_field(one.angle, one.scale, shape)[0]
+            drawn = ts.viz.draw_field(one.angle, one.scale, shape)[0]
             row += [shown(drawn), texture(sample, *shape, ts.recipes.distorted(), one)]
         rows.append(in_a_row(row))
     return in_a_column(rows)
@@ -212,6 +213,7 @@ def windows() -> Pixels:
 PICTURES: tuple[Callable[[], Pixels], ...] = (
     strip, larger, resolutions, algorithms, patches, tiles, seeds, transfer, levels, initial, target, fields,
     region, filling, removal, extended, tiled, windows, gallery_guided.objects, gallery_guided.analogies,
+    gallery_figures.figures,
 )  # fmt: skip
 
 

@@ -25,7 +25,6 @@ import arguments
 import matplotlib as mpl
 import numpy as np
 import torch
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -35,12 +34,14 @@ import torchsynth as ts
 from torchsynth.index import Index
 from torchsynth.search import TSVQState
 from torchsynth.search.tree import Tree
+from torchsynth.viz import left_to_right
 
 # Okabe and Ito's colors, which the color-blind can tell apart.
 FIRST, SECOND, DARK = "#0072B2", "#E69F00", "#222222"
 LIMITS = (-132, 132)
 DEPTHS = (1, 2, 3, 4, 6)
 SHOWN = 4
+TITLE = 10
 
 
 def clusters() -> Tensor:
@@ -98,11 +99,14 @@ def draw_lloyd() -> Figure:
     steps = lloyd(points)
     last = len(steps) - 1
     shown = [*range(min(SHOWN, last)), last]
-    figure, panels = plt.subplots(1, len(shown), figsize=(2.8 * len(shown), 3.5), layout="constrained")
+    figure = Figure(figsize=(2.8 * len(shown), 3.5), layout="constrained")
+    panels = figure.subplots(1, len(shown))
     for axes, number in zip(panels, shown, strict=True):
         _draw_step(axes, points, steps[: number + 1])
         what = "start" if number == 0 else f"iteration {number}" + (", the last" if number == last else "")
-        axes.set_title(f"{what}\ndistortion {steps[number].distortion / steps[0].distortion:.0%}")
+        axes.set_title(
+            f"{what}\ndistortion {steps[number].distortion / steps[0].distortion:.0%}", fontsize=TITLE
+        )
     return figure
 
 
@@ -126,14 +130,15 @@ def _draw_step(axes: Axes, points: Tensor, steps: list[Step]) -> None:
 def draw_tree() -> Figure:
     """The cells of the leaves, and the tree above them, for several depths."""
     points = clusters()
-    figure, panels = plt.subplots(1, len(DEPTHS), figsize=(2.8 * len(DEPTHS), 3.4), layout="constrained")
+    figure = Figure(figsize=(2.8 * len(DEPTHS), 3.4), layout="constrained")
+    panels = figure.subplots(1, len(DEPTHS))
     for axes, depth in zip(panels, DEPTHS, strict=True):
         state = grown(points, depth)
         tree = state.tree
         _draw_cells(axes, points, state)
         _draw_edges(axes, tree)
         leaves = int((tree.children < 0).sum())
-        axes.set_title(f"depth {depth}: {leaves} leaves")
+        axes.set_title(f"depth {depth}: {leaves} leaves", fontsize=TITLE)
     return figure
 
 
@@ -143,7 +148,7 @@ def _draw_cells(axes: Axes, points: Tensor, state: TSVQState) -> None:
     plane = torch.stack(torch.meshgrid(ticks, ticks, indexing="xy"), dim=2).view(-1, 2)
     leaves = _leaf_of(plane, state)
     # Leaves get their colors in the order in which they lie below the root: relatives are alike.
-    order = _left_to_right(state.tree)
+    order = left_to_right(state.tree.children)
     rank = torch.zeros(len(state.tree.children), dtype=torch.int64)
     rank[torch.tensor(order)] = torch.arange(len(order))
     tones = mpl.colormaps["viridis"](np.linspace(0, 0.88, len(order)))
@@ -168,11 +173,6 @@ def _leaf_of(points: Tensor, state: TSVQState) -> Tensor:
         nearer = (points * state.nodes.toward[node]).sum(1) > state.nodes.limit[node]
         node = state.nodes.steps[node] + nearer
     return node
-
-
-def _left_to_right(tree: Tree, node: int = 0) -> list[int]:
-    first = int(tree.children[node])
-    return [node] if first < 0 else _left_to_right(tree, first) + _left_to_right(tree, first + 1)
 
 
 def _draw_edges(axes: Axes, tree: Tree) -> None:
@@ -203,8 +203,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Make the pictures of how TSVQ works.")
     parser.add_argument("--out", type=Path, required=True, help="the folder to write to")
     options = parser.parse_args()
-    mpl.use("Agg")
-    plt.rcParams.update({"font.size": 10, "axes.titlesize": 10})
     with arguments.one_line_errors(parser):
         options.out.mkdir(parents=True, exist_ok=True)
         for name, draw in PICTURES.items():

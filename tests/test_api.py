@@ -13,8 +13,8 @@ import torchsynth as ts
 SURFACE = [
     "Anticausal", "analogy", "Best", "Causal", "Codebook", "Coherence", "ConfigError", "Controls", "Exemplar", "Exhaustive", "GraphCut", "InputError", "Layer", "Level",
     "Noise", "OnionPeel", "OutputError", "PreferCoherent", "Quilting", "RandomSource", "Recipe", "Result", "Scanline", "SeedPatch", "Shuffle", "Simultaneous", "Square", "Structure", "Sweep",
-    "TSVQ", "TorchsynthError", "WithinTolerance", "drawing", "dump_recipe", "extend", "field", "fill", "load_recipe", "metrics", "read_image", "recipes", "refine", "synthesize",
-    "tile", "train", "write_image",
+    "TSVQ", "TorchsynthError", "WithinTolerance", "dump_recipe", "extend", "field", "fill", "load_recipe", "metrics", "read_image", "recipes", "refine", "synthesize",
+    "tile", "train", "viz", "write_image",
 ]  # fmt: skip
 
 

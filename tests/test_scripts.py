@@ -107,9 +107,7 @@ def test_the_scripts_make_all_pictures_of_the_readme(script):
 
 def test_the_figures_of_tsvq(script, capsys):
     module = script("tsvq_figures", "--out", "made")
-    with module.mpl.rc_context():
-        module.main()
-    module.plt.close("all")
+    module.main()
     for name in module.PICTURES:
         made, there = (pixels(folder / f"{name}.jpg") for folder in (Path("made"), PICTURES))
         # Fonts differ from machine to machine, and with them the margins.

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 import torchsynth as ts
-from torchsynth import checks, drawing, field, metrics
+from torchsynth import checks, field, metrics, viz
 from torchsynth.cli import main
 from torchsynth.io import Picture
 from torchsynth.result import seams
@@ -101,7 +101,7 @@ def test_fields_on_the_command_line_equal_those_in_python(run):
     result = ts.synthesize(ts.read_image("rgb.png"), (12, 14), ts.recipes.ashikhmin(), controls=controls)
     assert ts.read_image("a.png").equal(result.image[0])
     for kind, name in (("field", "f.png"), ("sources", "s.png")):
-        drawn = drawing.draw(kind, result, controls)
+        drawn = viz.draw(kind, result, controls)
         assert drawn.shape == (1, 3, 12, 14)
         assert torch.allclose(ts.read_image(name), drawn[0].clamp(0, 1).float(), atol=1 / 255)
 
@@ -152,7 +152,7 @@ WRONG = {
     ("--recipe", "ashikhmin", "--size", "1x17000", "--figure", "patches=f.webp"): "f.webp: ",
     ("--recipe", "random_order", "--set", "neighborhood=1"): "a square without its center needs a side of 3",
     ("--figure", "field=f.png"): "figure: field can be drawn where there is one",
-    ("--figure", "seams=f.png"): "figure: must be one of patches, sources, field, but it is 'seams'",
+    ("--figure", "seams=f.png"): "figure: must be one of patches, sources, field, cost, coverage, pyramid, tree, sheet, animation, but it is 'seams'",
     ("--figure", "patches"): "--figure: must be KIND=FILE",
     ("--figure", "patches=a.png", "--figure", "patches=b.png"): "patches is there twice",
     ("--figure", "patches=out.png"): "must be a file of its own",
@@ -275,11 +275,11 @@ def test_blurring_touches_only_the_seams(make_exemplar, boundary):
 
 
 def test_a_field_is_drawn_along_its_angle():
-    across = drawing.draw_field(0.0, None, (48, 48))[0, 0] == 0
-    upright = drawing.draw_field(90.0, None, (48, 48))[0, 0] == 0
+    across = viz.draw_field(0.0, None, (48, 48))[0, 0] == 0
+    upright = viz.draw_field(90.0, None, (48, 48))[0, 0] == 0
     assert across.any()
     assert upright.equal(across.T)
-    assert drawing.draw_field(None, 2.0, (48, 48))[0, 0].eq(0).sum() > across.sum()
+    assert viz.draw_field(None, 2.0, (48, 48))[0, 0].eq(0).sum() > across.sum()
 
 
 def test_tileable_output_has_no_sharp_seam():
@@ -331,7 +331,7 @@ def test_gray_means_of_a_black_and_white_picture_are_kept(run):
 def test_alpha_is_no_color_of_a_drawing():
     exemplar = torch.cat((torch.full((3, 16, 16), 0.25), torch.ones(1, 16, 16)))
     result = ts.synthesize(exemplar, (6, 6), ts.recipes.ashikhmin(neighborhood=3))
-    drawn = drawing.draw_patches(result)
+    drawn = viz.draw_patches(result)
     assert sorted(drawn.unique().tolist()) in ([0.25, 1.0], [0.25], [1.0])
 
 
@@ -347,6 +347,4 @@ def test_patches_are_drawn_on_the_command_line(run):
     exemplar = ts.read_image("rgb.png")
     result = ts.synthesize(exemplar, (12, 14), ts.recipes.ashikhmin(), seed=[0, 1])
     for item in (0, 1):
-        assert torch.allclose(
-            ts.read_image(f"p-{item}.png"), drawing.draw_patches(result)[item], atol=1 / 255
-        )
+        assert torch.allclose(ts.read_image(f"p-{item}.png"), viz.draw_patches(result)[item], atol=1 / 255)

@@ -9,10 +9,10 @@
 
 from __future__ import annotations
 
-from torchsynth import drawing as drawing
 from torchsynth import field as field
 from torchsynth import metrics as metrics
 from torchsynth import recipes as recipes
+from torchsynth import viz as viz
 from torchsynth.accept import Best, WithinTolerance
 from torchsynth.analogy import analogy
 from torchsynth.codebook import Codebook
@@ -68,7 +68,6 @@ __all__ = [
     "TorchsynthError",
     "WithinTolerance",
     "analogy",
-    "drawing",
     "dump_recipe",
     "extend",
     "field",
@@ -81,5 +80,6 @@ __all__ = [
     "synthesize",
     "tile",
     "train",
+    "viz",
     "write_image",
 ]

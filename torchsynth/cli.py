@@ -161,13 +161,14 @@ for commands in (cli_completion, cli_analogy, cli_apply, cli_batch, cli_measure)
 def rerun(
     record: Annotated[Path, typer.Argument(help="The .json that was written beside a picture.")],
     output: Output,
+    figure: Figure = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Make a picture again from its record: the same bytes, with the same versions."""
     job = records.load_record(record)
     for change in records.changed_versions(record):
         typer.echo(f"note: the record was made with {change}; the bytes may differ", err=True)
-    run(job, jobs.Files(output, None, None, overwrite))
+    run(job, jobs.Files(output, None, None, overwrite, figures(figure or ())))
 
 
 @app.command()

@@ -12,9 +12,9 @@ from pathlib import Path
 from torchsynth import checks
 from torchsynth.codebook import check_savable
 from torchsynth.codecs import Depth
-from torchsynth.drawing import check_drawable, draw
 from torchsynth.errors import InputError, OutputError
 from torchsynth.exemplar import Exemplar
+from torchsynth.figures import Figures
 from torchsynth.inputs import Inputs
 from torchsynth.io import (
     Picture,
@@ -49,7 +49,7 @@ class Files:
         levels: A folder for the pyramid levels, if they are wanted.
         source_map: A ``.npz`` file for the source map, if it is wanted.
         overwrite: Whether files that are there already may be replaced.
-        figures: Where each of :data:`torchsynth.drawing.KINDS` that is wanted goes.
+        figures: Where each of :data:`torchsynth.viz.KINDS` that is wanted goes.
     """
 
     output: Path
@@ -92,23 +92,20 @@ def run(
     checks.check_seeds(job.seeds, None)
     check_storable(files.output, len(order.picture.image), order.size)
     targets = [_targets(files, number, recipe) for number in _numbers(job)]
-    for path in files.figures.values():
-        check_storable(path, 3, order.size)
+    figures = Figures.of(files.figures, order, inputs.codebook)
     _check_targets(job, files, [path for one in targets for path in one.all])
     depth = order.depth
-    for kind in files.figures:
-        check_drawable(kind, order.controls)
-        if kind != "field":
-            check_sources(recipe, kind)
     if files.source_map is not None:
         check_sources(recipe, "--source-map")
     sample = order.exemplar
     batch = outputs_that_fit(recipe, sample, order.size, min(_BATCH, len(job.seeds)))
+    figures = figures.trained()
     for start in range(0, len(job.seeds), batch):
         seeds = job.seeds[start : start + batch]
+        watching, recorder = figures.watched(progress)
         result = synthesize(
-            sample, order.size, recipe, controls=order.controls, seed=seeds, codebook=inputs.codebook,
-            progress=progress,
+            sample, order.size, recipe, controls=order.controls, seed=seeds, codebook=figures.codebook,
+            progress=watching,
         )  # fmt: skip
         finished = order.finished(result.image)
         if start == 0:
@@ -117,9 +114,7 @@ def run(
             for item, target in enumerate(targets[start : start + batch]):
                 put(target.picture, encode_image(finished[item], target.picture, depth))
                 _put_details(put, result, item, depth, target)
-                for kind, path in target.figures.items():
-                    drawing = draw(kind, result, order.controls)[item]
-                    put(path, encode_image(drawing, path, "8-bit"))
+                figures.put(put, target.figures, result, item, recorder)
                 record = record_of(job, result.recipe, inputs.digests, order.size, seeds[item])
                 put(target.record, json.dumps(record, indent=2).encode())
     return [target.picture for target in targets]

@@ -38,7 +38,9 @@ Figure = Annotated[
     list[str] | None,
     typer.Option(
         metavar="KIND=FILE",
-        help="Also draw: patches (their boundaries), sources (where pixels come from), field.",
+        help="Also draw: patches (their boundaries), sources (where pixels come from), field, cost (of each "
+        "match), coverage (of the exemplar), pyramid (all levels), tree (of TSVQ), sheet (beside the exemplar), "
+        "animation (a .gif, .png, .apng or .webp).",
     ),
 ]
 LevelsDir = Annotated[Path | None, typer.Option(metavar="DIR", help="Also write every pyramid level here.")]

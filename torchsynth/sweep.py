@@ -34,6 +34,8 @@ from torchsynth.search import TSVQ, Exhaustive, PreferCoherent, Query, Search, T
 GROUP = 8192
 _GROUP_VALUES = 2**17
 _SMALLEST_GROUP = 256
+# Progress is told about every so many pixels, so that an animation of a small output has frames, too.
+_TOLD = 64
 
 
 def group_size(outputs: int, features: int) -> int:
@@ -277,7 +279,7 @@ class _Visits:
         capacity = max(1, fitted.sweep.search.capacity(fitted.state) // len(canvas.source))
         size = group_size(len(canvas.source), len(fitted.weights))
         pending: list[_Visited] = []
-        visited = 0
+        visited = told = 0
         for group in batches.groups(capacity, size):
             group_sites = group.sites.to(fitted.sites.device)
             gathered, costs = self.reader.gather(group_sites, batches, self.draws), []
@@ -295,13 +297,21 @@ class _Visits:
                     pending.clear()
                     if refused is not None:
                         break
+                    told = self._tell(visited, told)
             cost = torch.cat(costs, dim=1)
             canvas.write_cost(group_sites[: cost.shape[1]], gathered.distance(cost, fitted.weights))
             if refused is not None:
                 return visited, refused
-            if not fitted.sweep.accept.refuses:  # what may be undone is told when it will not be
-                self.advance(len(group_sites))
+            told = self._tell(visited, told)
+        self._tell(visited, told, rest=True)
         return visited, None
+
+    def _tell(self, visited: int, told: int, *, rest: bool = False) -> int:
+        """Tell how many more pixels are done, the rest or once they are enough; returns how many were told."""
+        if visited - told < (1 if rest else _TOLD) or self.fitted.sweep.accept.refuses:
+            return told  # what may be undone is told when it will not be
+        self.advance(visited - told)
+        return visited
 
     def _match(self, sites: Sites, query: Query, blind: Tensor | None, course: Course) -> _Visited:
         """What the sites of a piece take."""

@@ -1,7 +1,4 @@
-"""Drawings of what a synthesis did: its patches, its sources, and the field that distorted it.
-
-Each is a picture ``(B, 3, OH, OW)`` with values in [0, 1], to be looked at or written like any other.
-"""
+"""Drawings with one value for every output pixel: patches, sources, costs, and the field that distorted them."""
 
 from __future__ import annotations
 
@@ -10,61 +7,13 @@ from torch import Tensor
 
 from torchsynth import field
 from torchsynth._typing import FieldMap, Image
-from torchsynth.controls import Controls
-from torchsynth.errors import InputError
 from torchsynth.lattice import Shape
-from torchsynth.result import Result, check_sources, check_straight
-
-KINDS = ("patches", "sources", "field")
-"""What can be drawn."""
+from torchsynth.result import Result, check_sources
+from torchsynth.viz.lettering import BAR, LINE, caption, scale, shades
+from torchsynth.viz.paper import GAP, Laid, enlarged, factor_for, paper, shown
 
 _CELL = 12
-
-
-def draw(kind: str, result: Result, controls: Controls) -> Image:
-    """Draw one of :data:`KINDS`.
-
-    Args:
-        kind: Which drawing.
-        result: The finished synthesis.
-        controls: What was pinned down of it.
-
-    Raises:
-        InputError: If there is no such drawing, or no field to be drawn.
-
-    Example:
-        >>> import torchsynth as ts
-        >>> result = ts.synthesize(torch.rand(1, 16, 16), (8, 8), ts.recipes.ashikhmin())
-        >>> draw("sources", result, ts.Controls()).shape
-        torch.Size([1, 3, 8, 8])
-    """
-    check_drawable(kind, controls)
-    if kind == "patches":
-        return draw_patches(result)
-    if kind == "sources":
-        return draw_sources(result)
-    height, width = result.image.shape[-2:]
-    return draw_field(controls.angle, controls.scale, (height, width)).expand(len(result.image), -1, -1, -1)
-
-
-def check_drawable(kind: str, controls: Controls) -> None:
-    """There must be such a drawing, and something to draw.
-
-    Raises:
-        InputError: If there is not.
-
-    Example:
-        >>> check_drawable("patches", Controls())
-    """
-    if kind not in KINDS:
-        raise InputError("figure", f"must be one of {', '.join(KINDS)}", f"it is {kind!r}", "choose one")
-    if kind == "patches":
-        check_straight("figure patches", controls.distorts)
-    if kind == "field" and not controls.distorts:
-        raise InputError(
-            "figure", "field can be drawn where there is one", "neither angle nor scale is given",
-            "give one of them, or draw something else",
-        )  # fmt: skip
+_COSTS = "difference to the match: root of the mean square"
 
 
 def draw_patches(result: Result) -> Image:
@@ -78,9 +27,7 @@ def draw_patches(result: Result) -> Image:
         >>> bool((draw_patches(result).amax(1) == 1).equal(result.seams()))
         True
     """
-    image = result.image
-    colors = image[:, :3] if image.shape[1] in (3, 4) else image[:, :1]  # alpha is no color
-    return torch.where(result.seams().unsqueeze(1), 1.0, colors.expand(-1, 3, -1, -1))
+    return torch.where(result.seams().unsqueeze(1), 1.0, shown(result.image))
 
 
 def draw_sources(result: Result) -> Image:
@@ -100,6 +47,36 @@ def draw_sources(result: Result) -> Image:
     rows, columns = rows / max(1, height - 1), columns / max(1, width - 1)
     colors = torch.stack((columns, rows, 1 - (rows + columns) / 2), dim=1)
     return colors.masked_fill((result.source[:, :1] < 0), 0).to(result.image.dtype)
+
+
+def draw_cost(result: Result) -> Image:
+    """What each pixel's match cost, from dark (it fits perfectly) to light, beside the key to the colors.
+
+    The cost is shown as the root of the mean squared difference between a pixel's neighborhood and its match.
+    Small outputs are enlarged. Each output has a scale of its own, up to its worst pixel.
+
+    Raises:
+        InputError: If matplotlib is missing.
+
+    Example:
+        >>> import torchsynth as ts
+        >>> result = ts.synthesize(torch.rand(1, 16, 16), (64, 64), ts.recipes.ashikhmin())
+        >>> draw_cost(result)[0, :, -100:, 8:100].unique().numel() > 10  # enlarged by 4
+        True
+    """
+    return torch.stack([_cost_page(cost.cpu().sqrt()) for cost in result.cost])
+
+
+def _cost_page(distance: FieldMap) -> Tensor:
+    largest = float(distance.max())
+    top = largest or 1.0
+    colored = enlarged(shades(distance / top), factor_for([distance.shape]))
+    height, width = colored.shape[1:]
+    key = scale(max(height, 4 * LINE), [(at, f"{at * top:.2g}") for at in (0.0, 0.5, 1.0)])
+    words = caption(_COSTS, max(width + GAP + BAR, 3 * BAR))
+    below = 2 * GAP + words.shape[1]
+    shape = (below + key.shape[1] + GAP, 2 * GAP + words.shape[2])
+    return paper(shape, [Laid(words, GAP, GAP), Laid(colored, below, GAP), Laid(key, below, 2 * GAP + width)])
 
 
 def draw_field(angle: Tensor | float | None, scale: Tensor | float | None, shape: Shape) -> Image:
