@@ -188,6 +188,18 @@ def test_source_maps_and_other_formats(folder):
     assert not run_batch(grid.model_copy(update={"source_maps": False}), folder / "made").kept
 
 
+def test_drawings(folder):
+    kinds = ("patches", "animation")
+    grid = Grid(exemplars=["one.png"], recipes=["ashikhmin"], sizes=["7x9"], seeds=[1], figures=kinds)
+    (path,) = run_batch(grid, folder / "made").made
+    result = ts.synthesize(ts.read_image("one.png"), (7, 9), ts.recipes.ashikhmin(), seed=1)
+    drawn = ts.read_image(path.with_name(f"{path.stem}-patches.png"))
+    assert drawn.sub(ts.viz.draw_patches(result)[0]).abs().max() < 1 / 500
+    assert path.with_name(f"{path.stem}-animation.gif").read_bytes()[:3] == b"GIF"
+    (failure,) = run_batch(grid.model_copy(update={"figures": ("field",)}), folder / "made").failures
+    assert "field can be drawn where there is one" in str(failure)
+
+
 def test_sizes_are_twice_the_exemplars_if_none_is_given(folder):
     (path,) = run_batch(Grid(exemplars=["two.png"], recipes=["ashikhmin"]), folder / "made").made
     assert ts.read_image(path).shape == (1, 24, 24)
@@ -224,6 +236,7 @@ def test_progress_counts_outputs(folder):
         ("{exemplars: [a], sizes: ['0x4']}", "'sizes[0]': input should be greater than or equal to 1"),
         ("{exemplars: [a], format: gif}", "'format': input should be 'png'"),
         ("{exemplars: [a, b], seeds: 0..99999}", "must ask for at most 100000 outputs, but they are 200000"),
+        ("{exemplars: [a], figures: [patchs]}", "a figure is one of patches, "),
         ("exemplars: [a", "must be valid YAML, but line 1"),
     ],
 )  # fmt: skip

@@ -6,10 +6,11 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from torchsynth.checks import shortened
 from torchsynth.errors import ConfigError
+from torchsynth.viz import KINDS
 from torchsynth.yaml_text import YAML_SUFFIXES, config_error, read_yaml
 
 MOST = 100_000
@@ -43,6 +44,12 @@ def _size(value: object) -> object:
     return int(match[1]), int(match[2])
 
 
+def _kind(value: str) -> str:
+    if value not in KINDS:
+        raise ValueError(f"a figure is one of {', '.join(KINDS)}, but it is {shortened(value)}")
+    return value
+
+
 Side: TypeAlias = Annotated[int, Field(ge=1, strict=True)]
 Size: TypeAlias = Annotated[tuple[Side, Side], BeforeValidator(_size)]
 Text: TypeAlias = Annotated[str, Field(min_length=1)]
@@ -59,6 +66,7 @@ class Grid(BaseModel):
         seeds: A list, or ``start..stop``, both among them.
         format: Of the pictures.
         source_maps: Whether the source map of each is written beside it, as ``.npz``.
+        figures: What is drawn of each, of :data:`torchsynth.viz.KINDS`.
 
     Example:
         >>> grid = Grid(exemplars=["sample:brick"], sizes=["64x96"], seeds="3..5")
@@ -74,6 +82,7 @@ class Grid(BaseModel):
     seeds: Annotated[tuple[Seed, ...], BeforeValidator(_seeds), Field(min_length=1)] = (0,)
     format: Literal["png", "tif", "webp", "bmp", "jpg"] = "png"
     source_maps: bool = False
+    figures: tuple[Annotated[str, AfterValidator(_kind)], ...] = ()
 
     def __len__(self) -> int:
         return len(self.exemplars) * len(self.recipes) * len(self.sizes or (0,)) * len(self.seeds)

@@ -88,6 +88,7 @@ def _batches(job: Job, name: str, inputs: Inputs, grid: Grid) -> list[Work]:
         "versions": versions(),
         "format": grid.format,
         "source_maps": grid.source_maps,
+        "figures": sorted(set(grid.figures)),
     }
     outputs = [_output(job.exemplar, name, order.size, decisive | {"seed": seed}) for seed in job.seeds]
     at_once = outputs_that_fit(job.recipe, order.exemplar, order.size, min(AT_ONCE, len(outputs)))
@@ -99,7 +100,7 @@ def _batches(job: Job, name: str, inputs: Inputs, grid: Grid) -> list[Work]:
 
 def _work(job: Job, inputs: Inputs, outputs: Sequence[Output], grid: Grid) -> Work:
     some = Job(job.exemplar, job.recipe, job.size, tuple(output.seed for output in outputs))
-    return Work(some, inputs, tuple(outputs), f".{grid.format}", grid.source_maps, versions())
+    return Work(some, inputs, tuple(outputs), f".{grid.format}", grid.source_maps, grid.figures, versions())
 
 
 def _output(exemplar: str, recipe: str, size: Shape, decisive: dict[str, Any]) -> Output:

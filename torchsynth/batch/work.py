@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from torchsynth.errors import InputError
+from torchsynth.figures import Figures
 from torchsynth.inputs import Inputs
 from torchsynth.io import check_storable, encode_image
 from torchsynth.orders import Order
@@ -46,6 +47,7 @@ class Work:
         outputs: One for each seed.
         suffix: The ending of the pictures, with the dot.
         source_maps: Whether source maps are wanted.
+        figures: Which drawings are wanted.
         made_with: The versions that the outputs' keys stand for.
     """
 
@@ -54,6 +56,7 @@ class Work:
     outputs: tuple[Output, ...]
     suffix: str
     source_maps: bool
+    figures: tuple[str, ...]
     made_with: dict[str, str]
 
     @property
@@ -122,17 +125,30 @@ def _made(work: Work) -> list[Made]:
     check_storable(Path(f"picture{work.suffix}"), len(order.picture.image), order.size)
     if work.source_maps:
         check_sources(order.recipe, "source_maps")
-    seeds = list(work.job.seeds)
-    result = synthesize(order.exemplar, order.size, order.recipe, controls=order.controls, seed=seeds)
+    paths = {kind: Path(f"{kind}.{'gif' if kind == 'animation' else 'png'}") for kind in work.figures}
+    figures = Figures.of(paths, order, None).trained()
+    watching, recorder = figures.watched(None)
+    result = synthesize(
+        order.exemplar, order.size, order.recipe, controls=order.controls, seed=list(work.job.seeds),
+        codebook=figures.codebook, progress=watching,
+    )  # fmt: skip
     images = order.finished(result.image)
     pictures = [encode_image(image, Path(f"picture{work.suffix}"), order.depth) for image in images]
-    return [_finished(work, result, item, order, picture) for item, picture in enumerate(pictures)]
+    finished = []
+    for item, picture in enumerate(pictures):
+        drawn: dict[str, bytes] = {}
+        figures.put(lambda path, data: drawn.update({path.name: data}), paths, result, item, recorder)  # noqa: B023 (called at once)
+        finished.append(_finished(work, result, item, order, picture, drawn))
+    return finished
 
 
-def _finished(work: Work, result: Result, item: int, order: Order, picture: bytes) -> Made:
+def _finished(
+    work: Work, result: Result, item: int, order: Order, picture: bytes, drawn: dict[str, bytes]
+) -> Made:
     """The files of one output of a batch."""
     output, digest = work.outputs[item], hashlib.sha256(picture).hexdigest()
     files = {f"{output.stem}{work.suffix}": picture}
+    files |= {f"{output.stem}-{name}": data for name, data in drawn.items()}
     if work.source_maps:
         height, width = order.exemplar.shape
         source = result.source[item : item + 1]
