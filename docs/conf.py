@@ -49,6 +49,7 @@ PAGES = {"README.md": "guide.md", "CONTRIBUTING.md": "contributing.md", "CHANGEL
 def setup(app: Sphinx) -> None:
     """Connect what follows."""
     app.connect("source-read", list_modules)
+    app.connect("source-read", link_included_pages)
     app.connect("include-read", link_pages)
     app.connect("autodoc-process-docstring", keep_colons, priority=100)  # before Napoleon
     app.connect("autodoc-process-signature", show_plain_types)
@@ -71,6 +72,12 @@ def _page_link(found: re.Match[str]) -> str:
     return f"](path:../{target})"
 
 
+def link_included_pages(_app: Sphinx, _docname: str, content: list[str]) -> None:
+    """In the pages themselves, a link to a file that is included leads to the page it is."""
+    for path, page in PAGES.items():
+        content[0] = content[0].replace(f"](../{path}", f"]({page}")
+
+
 def list_modules(app: Sphinx, docname: str, content: list[str]) -> None:
     """Have every module documented that no page names: nobody has to remember a new one."""
     if docname != "api/inside":
@@ -88,7 +95,8 @@ def _options(module: str) -> list[str]:
         return []  # its functions are commands, and described by --help
     packages = [import_module(module.rsplit(".", depth)[0]) for depth in range(1, module.count(".") + 1)]
     public = {f"{one.__name__}.{name}": id(getattr(one, name)) for one in packages for name in one.__all__}
-    members = [name for name, value in vars(import_module(module)).items() if id(value) in public.values()]
+    found = vars(import_module(module)).items()
+    members = [name for name, value in found if callable(value) and id(value) in public.values()]
     options = [":members:", f":exclude-members: {', '.join(['model_config', *members])}"]
     return [*options, ":no-index:"] if module in public else options
 

@@ -35,6 +35,9 @@ from torchsynth.lattice import Boundary
 BLUR = 7
 """Side of the square over which a target is the mean."""
 
+SMALLEST = 3 * ts.metrics.SMALLEST_SIDE
+"""Pictures have to have so many pixels a side: the hole of a third is measured."""
+
 TRUTH = "truth"
 """What stands for a recipe where the measures are those of the picture itself."""
 
@@ -72,6 +75,20 @@ class Job:
     work: Callable[[Texture, str, int], Piece]
     shown: tuple[str, ...]
     extra: str | None = None
+
+
+def texture_of(file: str, side: int) -> Texture:
+    """A picture as the experiments have theirs, under the name of its file or sample."""
+    image = exemplar(ts.read_image(file), side)
+    height, width = image.shape[1:]
+    if min(height, width) < SMALLEST:
+        raise ts.InputError(
+            file,
+            f"must have at least {SMALLEST} pixels a side",
+            f"it is {height}x{width}",
+            "give a larger one",
+        )
+    return Texture(Path(file.rpartition(":")[2]).stem, image)
 
 
 def new_texture(texture: Texture, name: str, seed: int) -> Piece:
@@ -203,16 +220,11 @@ def main() -> None:
     jobs = {job.name: job for job in JOBS}
     parser.add_argument("--exemplars", nargs="+", default=samples, metavar="FILE", help="pictures")
     parser.add_argument("--jobs", nargs="+", default=list(jobs), choices=jobs, help="default: all")
-    parser.add_argument(
-        "--size", type=arguments.whole_number(3 * ts.metrics.SMALLEST_SIDE), default=128, help=_SIZE
-    )
+    parser.add_argument("--size", type=arguments.whole_number(SMALLEST), default=128, help=_SIZE)
     parser.add_argument("--seeds", type=arguments.whole_number(1), default=2, help="default: 2")
     options = parser.parse_args()
     with arguments.one_line_errors(parser):
-        pictures = {Path(one).stem.partition(":")[2] or Path(one).stem: one for one in options.exemplars}
-        textures = [
-            Texture(name, exemplar(ts.read_image(one), options.size)) for name, one in pictures.items()
-        ]
+        textures = [texture_of(one, options.size) for one in options.exemplars]
         torch.set_num_threads(1)
         for name in options.jobs:
             print(f"\n{table(jobs[name], textures, options.seeds)}", flush=True)
