@@ -11,6 +11,7 @@ import torch
 from exemplars import Texture
 
 import torchsynth as ts
+from torchsynth.lattice import Boundary
 
 
 @dataclass(frozen=True)
@@ -146,8 +147,15 @@ def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
 
 
 def measured(result: ts.Result, exemplar: torch.Tensor) -> list[Row]:
-    """The measures of each output."""
-    found = ts.metrics.measure(result.image, exemplar, result.source, boundary=result.recipe.boundary)
+    """The measures of each output of a result."""
+    return rows_of(result.image, exemplar, result.source, result.recipe.boundary)
+
+
+def rows_of(
+    image: torch.Tensor, exemplar: torch.Tensor, source: torch.Tensor, boundary: Boundary
+) -> list[Row]:
+    """The measures of each of some pictures; see :func:`torchsynth.metrics.measure` for the arguments."""
+    found = ts.metrics.measure(image, exemplar, source, boundary=boundary)
     assert found.coverage is not None, "there is a source"  # noqa: S101 (for the type checker)
     columns = (
         found.patch_distance, found.sharpness, found.gradient_distance, found.copied, found.repetition,

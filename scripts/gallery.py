@@ -14,6 +14,7 @@ import arguments
 import efros_leung_windows
 import gallery_figures
 import gallery_guided
+import gallery_patches
 import numpy as np
 import torch
 from layout import Pixels, enlarged, framed, in_a_column, in_a_row, labelled, shown
@@ -213,7 +214,7 @@ def windows() -> Pixels:
 PICTURES: tuple[Callable[[], Pixels], ...] = (
     strip, larger, resolutions, algorithms, patches, tiles, seeds, transfer, levels, initial, target, fields,
     region, filling, removal, extended, tiled, windows, gallery_guided.objects, gallery_guided.analogies,
-    gallery_figures.figures,
+    gallery_figures.figures, gallery_patches.whole,
 )  # fmt: skip
 
 

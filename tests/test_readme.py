@@ -1,8 +1,9 @@
-"""The README: every example runs, every picture is there, every link leads somewhere."""
+"""The README and the pages of docs: every example runs, every picture is there, every link leads somewhere."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import re
 import shlex
@@ -16,6 +17,8 @@ from torchsynth import cli
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LINKING = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
 RECIPES = sorted((ROOT / "docs" / "recipes").glob("*.yaml"))
 PICTURES = ROOT / "docs" / "images"
 SET_UP = [
@@ -23,6 +26,7 @@ SET_UP = [
     ".venv/bin/torchsynth synthesize sample:brick --size 256x256 -o texture.png --overwrite",
     ".venv/bin/python -m pytest -q",
 ]
+BUILD = "sphinx-build -W docs site"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -36,15 +40,23 @@ def _one_thread():
 
 def _blocks(text, *languages):
     """The fenced blocks of a text, in order, as (language, content)."""
-    fenced = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    fenced = re.findall(r"^```([\w{}]*).*?\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     return [(language, content) for language, content in fenced if language in languages]
 
 
 def _sections():
-    """The parts of the README that hold examples, by heading; each can be followed on its own."""
-    pieces = re.split(r"^##+ (.+)$", README, flags=re.MULTILINE)
-    sections = zip(pieces[1::2], pieces[2::2], strict=True)
-    return [pytest.param(text, id=title) for title, text in sections if _blocks(text, "python", "sh")]
+    """The parts of the pages that hold examples, by heading; each can be followed on its own."""
+    found = []
+    for page in PAGES:
+        pieces = re.split(r"^##+ (.+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        pieces = ["", "before the first heading", *pieces]
+        sections = zip(pieces[1::2], pieces[2::2], strict=True)
+        found += [
+            pytest.param(page.stem, text, id=f"{page.stem}: {title}")
+            for title, text in sections
+            if _blocks(text, "python", "sh")
+        ]
+    return found
 
 
 def _commands(block):
@@ -64,19 +76,24 @@ def _run(line):
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory):
-    """One folder for the whole README, so that no example stumbles over the files of another."""
-    folder = tmp_path_factory.mktemp("readme")
-    shutil.copytree(ROOT / "docs" / "recipes", folder / "docs" / "recipes")
-    shutil.copy(ROOT / "docs" / "jobs.yaml", folder / "docs" / "jobs.yaml")
-    return folder
+    """One folder for the whole of a page, so that no example stumbles over the files of another."""
+
+    @functools.cache
+    def of(page):
+        folder = tmp_path_factory.mktemp(page)
+        shutil.copytree(ROOT / "docs" / "recipes", folder / "docs" / "recipes")
+        shutil.copy(ROOT / "docs" / "jobs.yaml", folder / "docs" / "jobs.yaml")
+        return folder
+
+    return of
 
 
-@pytest.mark.parametrize("section", _sections())
-def test_examples_run(section, checkout, monkeypatch):
-    monkeypatch.chdir(checkout)
+@pytest.mark.parametrize(("page", "section"), _sections())
+def test_examples_run(page, section, checkout, monkeypatch):
+    monkeypatch.chdir(checkout(page))
     for language, block in _blocks(section, "python", "sh"):
         if language == "python":
-            exec(compile(block, "README.md", "exec"), {"__name__": "readme"})  # noqa: S102
+            exec(compile(block, page, "exec"), {"__name__": page})  # noqa: S102
             continue
         for line in _commands(block):
             code, said = _run(line)
@@ -84,31 +101,53 @@ def test_examples_run(section, checkout, monkeypatch):
             assert said, line
 
 
-def test_blocks_are_of_a_kind_that_is_tested():
-    assert README.count("\n```") == 2 * len(_blocks(README, "python", "sh", "yaml"))
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_blocks_are_of_a_kind_that_is_tested(page):
+    text = page.read_text(encoding="utf-8")
+    known = _blocks(text, "python", "sh", "yaml", "{include}", "{toctree}")
+    assert len(re.findall("^```", text, re.MULTILINE)) == 2 * len(known)
+
+
+def _other_commands(page):
+    """The lines of shell that are not run here."""
+    lines = [
+        line for _, block in _blocks(page.read_text(encoding="utf-8"), "sh") for line in block.splitlines()
+    ]
+    return [line for line in lines if not line.startswith("torchsynth ")]
 
 
 def test_set_up_is_two_commands():
-    lines = [line for _, block in _blocks(README, "sh") for line in block.splitlines()]
-    assert [line for line in lines if not line.startswith("torchsynth ")] == SET_UP
+    assert _other_commands(PAGES[0]) == [*SET_UP, BUILD]
+
+
+@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.stem)
+def test_scripts_that_pages_name_are_there(page):
+    """They have tests of their own."""
+    for line in _other_commands(page):
+        python, script, *_ = line.split()
+        assert python == "python"
+        assert (ROOT / script).is_file()
 
 
 def test_recipes_shown_are_the_files():
     files = [path.read_text(encoding="utf-8") for path in (*RECIPES, ROOT / "docs" / "jobs.yaml")]
-    assert files
-    assert all(block in files for _, block in _blocks(README, "yaml"))
+    shown = [block for page in PAGES for _, block in _blocks(page.read_text(encoding="utf-8"), "yaml")]
+    assert shown
+    assert all(block in files for block in shown)
 
 
-@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+@pytest.mark.parametrize("page", LINKING, ids=lambda page: page.stem)
 def test_links_lead_somewhere(page):
-    targets = re.findall(r"\]\(([^)#]+)\)", (ROOT / page).read_text(encoding="utf-8"))
-    assert [
-        target for target in targets if not (target.startswith("https:") or (ROOT / target).exists())
-    ] == []
+    targets = re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8"))
+    assert [target for target in targets if not (page.parent / target).exists()] == []
 
 
 def test_pictures_are_small_and_all_used():
-    linked = {ROOT / target for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", README)}
+    linked = {
+        (page.parent / target).resolve()
+        for page in PAGES
+        for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page.read_text(encoding="utf-8"))
+    }
     assert linked == set(PICTURES.iterdir())
     sizes = [path.stat().st_size for path in linked]
     assert max(sizes) < 150_000

@@ -336,6 +336,26 @@ def test_the_second_experiment(script, textures):
     assert "wide,graph cut," in Path("made/measures.csv").read_text()
 
 
+def test_choosing_does_every_recipe(script):
+    done = [name for job in script("choosing").JOBS for name in job.recipes]
+    assert set(done) == {*ts.recipes.RECIPES, "truth"}
+
+
+def test_choosing(script, picture, capsys):
+    picture(48)
+    module = script("choosing", "--exemplars", "picture.png", "--seeds", 1, "--jobs", "hole", "following")
+    module.main()
+    hole, following = capsys.readouterr().out.strip().split("\n\n")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in hole.splitlines()]
+    assert rows[0] == ["hole", "picture", "sharpness", "verbatim", "edge", "seconds"]
+    gray = ts.read_image("picture.png").mean(0, keepdim=True)
+    crop = gray[:, 6:22, 6:22].contiguous()
+    truth = ts.metrics.measure(crop, gray)
+    assert rows[2][:4] == ["truth", f"{truth.patch_distance[0]:.2f}", f"{truth.sharpness[0]:.2f}", "1.00"]
+    assert [row[0] for row in rows[2:]] == list(module.JOBS[1].recipes)
+    assert len(following.splitlines()) == 2 + len(module.JOBS[2].recipes)
+
+
 def test_timing(script, textures, monkeypatch):
     recipes = ts.recipes
     module = script("experiments", "timing", *textures, "--repeats", 1)
@@ -434,6 +454,14 @@ WRONG = [
     ("benchmark", ["--recipes", "none"], "none"),
     ("benchmark", ["--repeats", "0"], "must be at least 1, but it is 0"),
     ("benchmark", ["--out", "none/found.json"], "a folder that does not exist, none"),
+    ("choosing", ["--exemplars", "none.png"], "none.png"),
+    ("choosing", ["--jobs", "none"], "invalid choice: 'none'"),
+    ("choosing", ["--size", "41"], "must be at least 42, but it is 41"),
+    (
+        "choosing",
+        ["--exemplars", "small.png"],
+        "small.png: must have at least 42 pixels a side, but it is 16x16",
+    ),
     ("efros_leung_windows", [], "--out"),
     ("efros_leung_windows", ["--out", "made.txt"], "must end in .png or .jpg"),
     ("efros_leung_windows", ["--out", "none/made.png"], "a folder that does not exist, none"),

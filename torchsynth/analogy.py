@@ -108,10 +108,10 @@ def plan_analogy(
     labels: bool = False,
     valid: Tensor | None = None,
 ) -> Analogy:
-    """How an analogy will be made; the arguments are those of :func:`analogy`.
+    """How an analogy will be made; the arguments are those of :func:`torchsynth.analogy`.
 
     Raises:
-        InputError: As for :func:`analogy`.
+        InputError: As for :func:`torchsynth.analogy`.
 
     Example:
         >>> plan = plan_analogy(torch.tensor([[4, 7]]).repeat(16, 8), torch.rand(1, 16, 16), torch.tensor([[7]]))

@@ -105,10 +105,10 @@ def plan_filling(
     valid: Tensor | None = None,
     within: int | None = None,
 ) -> Plan:
-    """How a hole will be filled; the arguments are those of :func:`fill`.
+    """How a hole will be filled; the arguments are those of :func:`torchsynth.fill`.
 
     Raises:
-        InputError: As for :func:`fill`.
+        InputError: As for :func:`torchsynth.fill`.
 
     Example:
         >>> hole = torch.zeros(8, 8, dtype=torch.bool)
@@ -221,10 +221,10 @@ def fill(
 def plan_extension(
     image: Tensor, size: tuple[int, int], at: tuple[int, int] | None = None, valid: Tensor | None = None
 ) -> Plan:
-    """How a picture will be extended; the arguments are those of :func:`extend`.
+    """How a picture will be extended; the arguments are those of :func:`torchsynth.extend`.
 
     Raises:
-        InputError: As for :func:`extend`.
+        InputError: As for :func:`torchsynth.extend`.
 
     Example:
         >>> plan_extension(torch.rand(1, 8, 8), (10, 13)).controls.exemplar_at
@@ -273,9 +273,9 @@ def extend(
         size: Height and width of the result; neither may be smaller than the picture's.
         at: Row and column of the result where the picture's first pixel goes; None puts it in the middle, or
             up to three pixels above and left of it, where the pixels of coarser levels coincide.
-        recipe: As for :func:`fill`.
+        recipe: As for :func:`torchsynth.fill`.
         valid: ``(H, W)``, where the picture may be sampled; None means everywhere.
-        seed: As for :func:`fill`.
+        seed: As for :func:`torchsynth.fill`.
         progress: See :data:`torchsynth.synthesis.Progress`.
 
     Returns:
@@ -303,10 +303,10 @@ def extend(
 
 
 def plan_tiling(image: Tensor, width: int | None = None, hole: Tensor | None = None) -> Plan:
-    """How a picture will be made to tile; the arguments are those of :func:`tile`.
+    """How a picture will be made to tile; the arguments are those of :func:`torchsynth.tile`.
 
     Raises:
-        InputError: As for :func:`tile`.
+        InputError: As for :func:`torchsynth.tile`.
 
     Example:
         >>> int(plan_tiling(torch.rand(1, 32, 32), width=4).controls.hole.sum())
@@ -350,8 +350,8 @@ def tile(
         width: Width of the strip in pixels, half of it at each of two opposite borders; None means an
             eighth of the shorter side. Visible effect: a wider strip leaves more room to join the two sides.
         hole: ``(H, W)`` or ``(B, H, W)``, True where the picture is to be filled as well.
-        recipe: As for :func:`fill`.
-        seed: As for :func:`fill`.
+        recipe: As for :func:`torchsynth.fill`.
+        seed: As for :func:`torchsynth.fill`.
         progress: See :data:`torchsynth.synthesis.Progress`.
 
     Returns:

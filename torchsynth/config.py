@@ -64,7 +64,7 @@ def parse_recipe(data: object, subject: str, overrides: Sequence[str] = ()) -> R
     Args:
         data: Nested dictionaries and lists.
         subject: Where the data comes from, for messages.
-        overrides: As in :func:`load_recipe`.
+        overrides: As in :func:`torchsynth.load_recipe`.
 
     Raises:
         ConfigError: If the data is not a recipe.
@@ -94,7 +94,7 @@ def parse_recipe(data: object, subject: str, overrides: Sequence[str] = ()) -> R
 
 
 def dump_recipe(recipe: Recipe) -> str:
-    """A recipe as YAML that :func:`load_recipe` reads back to an equal value.
+    """A recipe as YAML that :func:`torchsynth.load_recipe` reads back to an equal value.
 
     Example:
         >>> from torchsynth import recipes

@@ -31,7 +31,7 @@ class Controls:
             continued into the hole.
         target: The picture that the output should follow, of the same shape and range. The recipe
             needs a layer that compares it: see :func:`torchsynth.recipes.with_target`.
-        guide: The picture that lies upon the output, as :attr:`Exemplar.guide` lies upon the exemplar: of as
+        guide: The picture that lies upon the output, as ``Exemplar.guide`` lies upon the exemplar: of as
             many channels, and of the output's height and width. Where it looks like a part of that, the
             output will look like the exemplar there.
         target_region: ``(OH, OW)``, True where the target was painted; elsewhere the output is free.

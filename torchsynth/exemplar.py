@@ -24,7 +24,7 @@ class Exemplar:
             else is never a candidate, at no pyramid level. None means all of it.
         guide: A second picture that lies upon it, ``(G, H, W)`` or one for each sample, of any number of
             channels: what the exemplar shows before a filter, or a map of its parts. Recipes with a layer
-            on a guide plane compare it with :attr:`Controls.guide`.
+            on a guide plane compare it with ``Controls.guide``.
 
     Raises:
         InputError: If the image or the guide has another rank, dtype or range, or NaN or infinite values;

@@ -63,10 +63,10 @@ def read_picture(path: str | Path) -> Picture:
     """Read an image file with all that is needed to write results in the same form.
 
     Args:
-        path: As for :func:`read_image`.
+        path: As for :func:`torchsynth.read_image`.
 
     Raises:
-        InputError: As for :func:`read_image`.
+        InputError: As for :func:`torchsynth.read_image`.
 
     Example:
         >>> read_picture("sample:brick").depth
@@ -140,7 +140,7 @@ def encode_image(image: Float[Tensor, "channels height width"], path: Path, dept
     Args:
         image: Values in [0, 1].
         path: The extension decides the format.
-        depth: As for :func:`write_image`.
+        depth: As for :func:`torchsynth.write_image`.
 
     Example:
         >>> encode_image(torch.zeros(1, 2, 2), Path("black.bmp"), "8-bit")[:2]

@@ -210,7 +210,7 @@ def check_straight(wish: str, distorted: bool) -> None:
 
 
 def seams(source: SourceMap, boundary: Boundary) -> Bool[Tensor, "batch height width"]:
-    """Where the patches of a source map end; see :meth:`Result.seams`.
+    """Where the patches of a source map end; see :meth:`torchsynth.Result.seams`.
 
     Example:
         >>> source = torch.tensor([[[[0, 0, 0]], [[1, 2, 9]]]])

@@ -62,7 +62,7 @@ def synthesize(
         codebook: Trees that :func:`torchsynth.train` trained for this exemplar and recipe, used in place
             of training them: the same bytes, sooner.
         progress: Called now and then as ``progress(level, sweep, done, total, preview)``; see
-            :data:`Progress`.
+            :data:`torchsynth.synthesis.Progress`.
 
     Returns:
         Pictures, source map, costs and all levels; see :class:`Result`.

@@ -1,7 +1,7 @@
 """Neighborhood templates: which neighbors of a pixel are compared.
 
 A template is a set of offsets ``(dy, dx)``, rows before columns, and it means the same on both sides
-everywhere in the library: *neighbor = p + offset*.
+everywhere in the library: *neighbor = p + offset*::
 
     causal 5x5       anticausal 5x5       square 3x3 (with its center)
     o o o o o                                 o o o

@@ -38,7 +38,7 @@ def train(
             compares the same neighbors and grows the same trees at the same levels, whatever its beam,
             order, start and boundary.
         progress: Called before and after each tree as ``progress(level, done, total)``; see
-            :data:`TrainingProgress`.
+            :data:`torchsynth.training.TrainingProgress`.
 
     Returns:
         The trees of all levels; see :class:`torchsynth.Codebook`.

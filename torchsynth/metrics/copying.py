@@ -1,7 +1,7 @@
 """Copying: how much of the exemplar comes back as it is, how large the pieces are, and how often they come.
 
 What is a copy is told by the source map. Where there is none, pictures are compared with each other: see
-:func:`matched_windows`.
+:func:`torchsynth.metrics.matched_windows`.
 """
 
 from __future__ import annotations

@@ -193,8 +193,8 @@ def pick(chances: Int64[Tensor, "batch places"], draws: Draws) -> Int64[Tensor, 
 def check_exact(period: Shape, weights: float, squares: float) -> None:
     """Transforms of whole numbers must be off by less than one half.
 
-    A correlation of a and b by transforms of N numbers is off by at most about ``c u log2(N) |a| |b|``, with u
-    the rounding unit of float64 and c a small constant, here taken as 16; |a| and |b| are Euclidean norms.
+    A correlation of a and b by transforms of N numbers is off by at most about ``c u log2(N) norm(a) norm(b)``, with u
+    the rounding unit of float64 and c a small constant, here taken as 16; both norms are Euclidean.
 
     Args:
         period: The size of the transforms.
