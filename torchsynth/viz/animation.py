@@ -38,7 +38,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 
 
 class Recorder:
-    """Keeps pictures of a synthesis while it goes on: pass it as its ``progress``.
+    """Keeps pictures of one synthesis while it goes on: pass it as its ``progress``.
 
     Of coarse levels there are fewer frames than of fine ones, in proportion to their pixels; of every level
     there is at least the one it starts from. Of large or many outputs less than :data:`MOST` are kept, so that
