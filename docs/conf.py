@@ -36,7 +36,7 @@ maximum_signature_line_length = 88
 # A reference that leads nowhere is an error, except to other libraries, which are only named, and to what is private.
 nitpicky = True
 nitpick_ignore_regex = [
-    ("py:.*", r"(collections|jaxtyping|numpy|pathlib|pydantic|torch|typer|typing)\..*"),
+    ("py:.*", r"(collections|jaxtyping|numpy|pathlib|pydantic|pydantic_core|torch|typer|typing)\..*"),
     ("py:class", r"Tensor|(Bool|Float|Int)\d*|dict\[str"),
     ("py:class", r"torchsynth\.([a-z]+\.)+_\w+"),
     ("py:class", r"torchsynth\.analogy\..*"),  # the module shares its name with a function
@@ -84,7 +84,10 @@ def list_modules(app: Sphinx, docname: str, content: list[str]) -> None:
         return
     named = "\n".join(path.read_text(encoding="utf-8") for path in Path(app.srcdir, "api").glob("*.rst"))
     for module in sorted(one.name for one in pkgutil.walk_packages(torchsynth.__path__, "torchsynth.")):
-        if f".. automodule:: {module}\n" not in named and not module.endswith("__main__"):
+        internal = module.endswith("__main__") or module.startswith(
+            "torchsynth.studio"
+        )  # a page, not a library
+        if f".. automodule:: {module}\n" not in named and not internal:
             options = "".join(f"   {option}\n" for option in _options(module))
             content[0] += f"\n{module}\n{'-' * len(module)}\n\n.. automodule:: {module}\n{options}"
 
@@ -94,7 +97,11 @@ def _options(module: str) -> list[str]:
     if module.startswith("torchsynth.cli"):
         return []  # its functions are commands, and described by --help
     packages = [import_module(module.rsplit(".", depth)[0]) for depth in range(1, module.count(".") + 1)]
-    public = {f"{one.__name__}.{name}": id(getattr(one, name)) for one in packages for name in getattr(one, "__all__", ())}
+    public = {
+        f"{one.__name__}.{name}": id(getattr(one, name))
+        for one in packages
+        for name in getattr(one, "__all__", ())
+    }
     found = vars(import_module(module)).items()
     members = [name for name, value in found if callable(value) and id(value) in public.values()]
     options = [":members:", f":exclude-members: {', '.join(['model_config', *members])}"]

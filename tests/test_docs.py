@@ -52,7 +52,8 @@ def test_every_module_has_an_entry(names):
         path.relative_to(ROOT) for path in (ROOT / "torchsynth").rglob("*.py") if path.stem != "__main__"
     }
     dotted = {".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in modules}
-    # The page of the whole package is the reference itself.
+    # The page of the whole package is the reference itself, and the studio is a page, not a library.
+    dotted = {name for name in dotted if not name.startswith("torchsynth.studio")}
     assert dotted - names - {"torchsynth"} == set()
 
 

@@ -33,7 +33,7 @@ class Figures:
     """What is drawn of a job.
 
     Args:
-        kinds: The drawings that are wanted, of :data:`torchsynth.viz.KINDS`.
+        kinds: The drawings that are wanted, of :data:`torchsynth.viz.kinds.KINDS`.
         order: What the job asks for.
         codebook: The trees that are searched, if they were trained before.
     """

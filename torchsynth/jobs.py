@@ -49,7 +49,7 @@ class Files:
         levels: A folder for the pyramid levels, if they are wanted.
         source_map: A ``.npz`` file for the source map, if it is wanted.
         overwrite: Whether files that are there already may be replaced.
-        figures: Where each of :data:`torchsynth.viz.KINDS` that is wanted goes.
+        figures: Where each of :data:`torchsynth.viz.kinds.KINDS` that is wanted goes.
     """
 
     output: Path

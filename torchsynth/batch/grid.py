@@ -66,7 +66,7 @@ class Grid(BaseModel):
         seeds: A list, or ``start..stop``, both among them.
         format: Of the pictures.
         source_maps: Whether the source map of each is written beside it, as ``.npz``.
-        figures: What is drawn of each, of :data:`torchsynth.viz.KINDS`.
+        figures: What is drawn of each, of :data:`torchsynth.viz.kinds.KINDS`.
 
     Example:
         >>> grid = Grid(exemplars=["sample:brick"], sizes=["64x96"], seeds="3..5")
@@ -97,7 +97,7 @@ def load_grid(path: Path) -> Grid:
         path: The file.
 
     Raises:
-        ConfigError: If it cannot be read, is no grid, or asks for more than :data:`MOST` outputs.
+        ConfigError: If it cannot be read, is no grid, or asks for more than :data:`torchsynth.batch.grid.MOST` outputs.
 
     Example:
         >>> import tempfile

@@ -41,7 +41,7 @@ class Recorder:
     """Keeps pictures of one synthesis while it goes on: pass it as its ``progress``.
 
     Of coarse levels there are fewer frames than of fine ones, in proportion to their pixels; of every level
-    there is at least the one it starts from. Of large or many outputs less than :data:`MOST` are kept, so that
+    there is at least the one it starts from. Of large or many outputs less than :data:`torchsynth.viz.animation.MOST` are kept, so that
     they take no more than a quarter of a gibibyte.
 
     Example:

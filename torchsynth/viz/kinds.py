@@ -26,7 +26,7 @@ _WITH_SOURCES = ("patches", "sources", "coverage")
 
 
 def draw(kind: str, result: Result, controls: Controls, codebook: Codebook | None = None) -> Image:
-    """Draw one of :data:`KINDS`.
+    """Draw one of :data:`torchsynth.viz.kinds.KINDS`.
 
     Args:
         kind: Which drawing.
