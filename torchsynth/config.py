@@ -135,7 +135,7 @@ def _made(name: str, parameters: Sequence[str]) -> Recipe:
     values = {}
     for parameter in parameters:
         key, _, text = parameter.partition("=")
-        values[key.strip()] = _parse_yaml(text, f"--set {parameter}")
+        values[key.strip()] = parse_yaml(text, f"--set {parameter}")
     try:
         return make(**values)
     except ValidationError as error:
@@ -168,11 +168,23 @@ def _read(source: str | Path) -> object:
         raise ConfigError(
             str(path), "must be UTF-8 text", "it is not", "is this the recipe, or a picture?"
         ) from None
-    return _parse_yaml(text, str(path))
+    return parse_yaml(text, str(path))
 
 
-def _parse_yaml(text: str, subject: str) -> object:
-    """Plain data from YAML text in which no key may be there twice: YAML would silently keep the last."""
+def parse_yaml(text: str, subject: str) -> object:
+    """Plain data from YAML text in which no key may be there twice: YAML would silently keep the last.
+
+    Args:
+        text: The YAML.
+        subject: Where it comes from, for messages.
+
+    Raises:
+        ConfigError: If it is not valid; the message names the line.
+
+    Example:
+        >>> parse_yaml("levels: 3", "my.yaml")
+        {'levels': 3}
+    """
     try:
         _refuse_duplicates(yaml.compose(text, Loader=yaml.SafeLoader))
         return yaml.safe_load(text)
@@ -219,7 +231,7 @@ def _overridden(data: dict[str, Any], override: str) -> dict[str, Any]:
         match["key"] if match["index"] is None else int(match["index"])
         for match in _STEP.finditer(path.strip())
     ]
-    value = _parse_yaml(text, subject)
+    value = parse_yaml(text, subject)
     changed = copy.deepcopy(data)
     place: Any = changed
     for done, step in enumerate(steps, start=1):

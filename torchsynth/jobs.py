@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-
-import numpy as np
 
 from torchsynth import checks
 from torchsynth.codebook import Codebook, check_savable
@@ -33,6 +30,7 @@ from torchsynth.orders import Order
 from torchsynth.recipe import Recipe
 from torchsynth.records import Job, paths_of, record_of
 from torchsynth.result import Result, check_sources
+from torchsynth.source_map import encode_source_map
 from torchsynth.synthesis import Progress, synthesize
 from torchsynth.training import TrainingProgress, train
 from torchsynth.wishes import FIELDS, check_field_word, grays_of, white
@@ -296,11 +294,8 @@ def _note_structure(recipe: Recipe, note: Callable[[str], None] | None) -> None:
 def _put_details(put: Put, result: Result, item: int, depth: Depth, targets: _Targets) -> None:
     """The levels and the source map of one sample of a result, where they are wanted."""
     if targets.source_map is not None:
-        buffer = io.BytesIO()
-        source = result.source[item].cpu().numpy().astype(np.int32)
-        exemplar_size = np.array(result.levels[0].exemplar.shape[-2:], dtype=np.int32)
-        np.savez_compressed(buffer, source=source, exemplar_size=exemplar_size)
-        put(targets.source_map, buffer.getvalue())
+        height, width = result.levels[0].exemplar.shape[-2:]
+        put(targets.source_map, encode_source_map(result.source[item], (height, width)))
     for (structure, level, name), path in targets.levels.items():
         made = result.structure if structure else result
         assert made is not None, "the recipe has one"  # noqa: S101 (for the type checker)

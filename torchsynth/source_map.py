@@ -1,7 +1,8 @@
-"""Source maps from the files that ``--source-map`` writes."""
+"""Source maps in files: what ``--source-map`` writes."""
 
 from __future__ import annotations
 
+import io
 import zipfile
 import zlib
 from pathlib import Path
@@ -9,7 +10,9 @@ from typing import BinaryIO
 
 import numpy as np
 import torch
+from jaxtyping import Int64
 from numpy.typing import NDArray
+from torch import Tensor
 
 from torchsynth._typing import SourceMap
 from torchsynth.errors import InputError
@@ -58,6 +61,26 @@ def read_source_map(path: Path) -> tuple[SourceMap, Shape]:
     if len(source) != 2 or len(size) != 2:
         raise _wrong(path, f"its arrays have shapes {tuple(source.shape)} and {tuple(size.shape)}")
     return source.unsqueeze(0), (int(size[0]), int(size[1]))
+
+
+def encode_source_map(source: Int64[Tensor, "2 height width"], exemplar_size: Shape) -> bytes:
+    """The bytes of a file that :func:`read_source_map` reads.
+
+    Args:
+        source: The map of one output.
+        exemplar_size: Height and width of the exemplar.
+
+    Example:
+        >>> encode_source_map(torch.zeros(2, 3, 4, dtype=torch.int64), (5, 6))[:2]
+        b'PK'
+    """
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        source=source.cpu().numpy().astype(np.int32),
+        exemplar_size=np.array(exemplar_size, dtype=np.int32),
+    )
+    return buffer.getvalue()
 
 
 def _arrays(file: BinaryIO) -> dict[str, NDArray[np.generic]]:

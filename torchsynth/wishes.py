@@ -74,7 +74,7 @@ def controls_from(
     target, region = _target(pictures, channels)
     fields: dict[str, Tensor | float]
     fields = {name: parse_field(name, word, size) for name, word in words.items()}
-    fields |= {name: _field_picture(name, pictures[name]) for name in FIELDS if name in pictures}
+    fields |= {name: field_picture(name, pictures[name]) for name in FIELDS if name in pictures}
     initial = pictures["initial"].image if "initial" in pictures else None
     angle, scale = fields.get("angle"), fields.get("scale")
     return Controls(initial=initial, target=target, target_region=region, angle=angle, scale=scale)
@@ -115,7 +115,7 @@ def parse_field(subject: str, word: str, size: Shape) -> Tensor | float:
     return made
 
 
-def _field_picture(subject: str, picture: Picture) -> Tensor:
+def field_picture(subject: str, picture: Picture) -> Tensor:
     """A field from a picture: float files hold the numbers themselves, others a share of the range."""
     if len(picture.image) != 1:
         raise InputError(
