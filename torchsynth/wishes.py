@@ -116,7 +116,20 @@ def parse_field(subject: str, word: str, size: Shape) -> Tensor | float:
 
 
 def field_picture(subject: str, picture: Picture) -> Tensor:
-    """A field from a picture: float files hold the numbers themselves, others a share of the range."""
+    """A field from a picture: float files hold the numbers themselves, others a share of the range.
+
+    Args:
+        subject: ``angle`` (black 0, white 360 degrees) or ``scale`` (black 1/4, middle 1, white 4).
+        picture: A gray one.
+
+    Raises:
+        InputError: If it has colors.
+
+    Example:
+        >>> import torch
+        >>> field_picture("angle", Picture(torch.tensor([[[0.0, 0.5]]]), "8-bit", "")).tolist()
+        [[0.0, 180.0]]
+    """
     if len(picture.image) != 1:
         raise InputError(
             subject, "a field's picture must be gray", f"it has {len(picture.image)} channels",

@@ -29,6 +29,8 @@ def theme() -> gr.themes.Base:
         body_background_fill_dark="*neutral_950",
         block_background_fill="white",
         block_background_fill_dark="*neutral_900",
+        body_text_color_subdued="*neutral_600",
+        body_text_color_subdued_dark="*neutral_400",
         block_border_width="1px",
         block_border_color="*neutral_200",
         block_border_color_dark="*neutral_800",
@@ -45,22 +47,61 @@ def theme() -> gr.themes.Base:
 
 
 CSS = """
-.gradio-container { max-width: 1480px !important; margin: 0 auto !important; padding: 16px 20px !important; }
-#title { display: flex; align-items: baseline; gap: 12px; margin: 0 0 4px; }
-#title h1 { font-size: 20px; font-weight: 650; letter-spacing: -0.01em; margin: 0; }
-#title p { color: var(--body-text-color-subdued); margin: 0; font-size: 13px; }
+.gradio-container, .gradio-container > main { max-width: 1500px !important; width: 100% !important; margin: 0 auto !important; }
+.gradio-container > main { padding: 14px 20px 0 !important; }
+.html-container { padding: 0 !important; }
+#title { display: flex; align-items: baseline; gap: 12px; }
+#title h1 { font-size: 19px; font-weight: 650; letter-spacing: -.01em; margin: 0; color: var(--body-text-color); }
+#title p, .hint { color: var(--body-text-color-subdued); margin: 0; font-size: 13px; line-height: 1.45; }
+.hint b { color: var(--body-text-color); font-weight: 600; }
 .section { font-size: 11px; font-weight: 650; letter-spacing: .07em; text-transform: uppercase;
-  color: var(--body-text-color-subdued); margin: 4px 0 -4px; }
-.hint { color: var(--body-text-color-subdued); font-size: 12.5px; line-height: 1.45; }
-#side { flex: 0 0 312px !important; min-width: 290px !important; }
-#main { min-width: 420px !important; }
+  color: var(--body-text-color-subdued); padding-top: 6px; }
+
+/* The side stays; beside it the tabs, what they make, and its levels. */
+#side { flex: 0 0 300px !important; min-width: 280px !important; gap: 8px; }
+#main { min-width: 420px !important; gap: 10px; }
+#work { display: grid; grid-template-columns: minmax(0, 1fr); gap: 12px; align-items: start; }
+@media (min-width: 1180px) {
+  #work:has(button[data-tab-id=target].selected), #work:has(button[data-tab-id=fill].selected),
+  #work:has(button[data-tab-id=distort].selected) { grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); }
+  #levels { grid-column: 1 / -1; }
+}
+#work:has(button[data-tab-id=compare].selected) :is(#output, #levels) { display: none; }
+#output, #levels, .tabitem, .tabitem > .column { gap: 8px !important; }
+.tabitem { padding: 10px 0 0 !important; border: 0 !important; }
+.actions { align-items: flex-end !important; gap: 8px !important; }
+.actions button { height: 36px; font-size: 14px; font-weight: 600; }
 
 /* Pixels are the matter here: never smooth them. */
-#sample img, #result img, #drawing img, .pair img, .pyramids img, #thumbnails img, canvas
-  { image-rendering: pixelated; }
+#sample img, #result img, #drawing img, .pair img, .pyramids img, #thumbnails img { image-rendering: pixelated; }
 #sample img { width: 100%; height: 100%; object-fit: contain; cursor: crosshair; }
 #result img, #drawing img, .pair img { width: 100%; height: 100%; object-fit: contain; }
+#thumbnails { background: none; border: 0; height: auto !important; }
+#thumbnails .grid-wrap { height: auto !important; padding: 0; overflow: visible; }
+#thumbnails .grid-container { grid-template-columns: repeat(4, 1fr) !important; gap: 6px; padding: 0; margin: 0; }
+#thumbnails .thumbnail-item { width: 100% !important; height: auto !important; aspect-ratio: 1; border-radius: 3px; overflow: hidden; }
+#thumbnails .caption-label { display: none; }
 
+.painter { border: 1px solid var(--block-border-color); border-radius: 4px; background: var(--block-background-fill); padding: 8px; }
+.painter-tools { display: flex; flex-wrap: wrap; align-items: center; gap: 8px 12px; margin-bottom: 8px; }
+.swatches, .tools { display: flex; flex-wrap: wrap; gap: 5px; align-items: center; }
+.swatch { width: 22px; height: 22px; border-radius: 4px; border: 1px solid rgba(128, 128, 128, .5); cursor: pointer; }
+.swatch.chosen { outline: 2px solid var(--primary-600); outline-offset: 1px; }
+.painter input[type=color] { width: 26px; height: 24px; padding: 0; border: 0; background: none; cursor: pointer; }
+.painter .width { display: flex; align-items: center; gap: 6px; font-size: 12.5px; color: var(--body-text-color-subdued); }
+.painter input[type=range] { width: 80px; accent-color: var(--primary-600); }
+.tool { font-size: 12.5px; padding: 2px 8px; border-radius: 4px; border: 1px solid var(--block-border-color);
+  color: var(--body-text-color); background: none; cursor: pointer; }
+.tool:hover, .tool.chosen { background: var(--neutral-100); }
+.dark .tool:hover, .dark .tool.chosen { background: var(--neutral-800); }
+.painter-paper { position: relative; margin: 0 auto; background: #ececea; touch-action: none; }
+.dark .painter-paper { background: #33312f; }
+.painter-paper :is(img, canvas) { position: absolute; inset: 0; width: 100%; height: 100%; margin: 0; cursor: crosshair;
+  image-rendering: pixelated; }
+#hole canvas { opacity: .8; }
+
+#status { position: sticky; bottom: 0; z-index: 20; background: var(--body-background-fill); padding: 10px 0 12px;
+  border-top: 1px solid var(--block-border-color); align-items: center; flex-wrap: nowrap; }
 .bar { height: 6px; border-radius: 3px; background: var(--neutral-200); overflow: hidden; }
 .dark .bar { background: var(--neutral-800); }
 .bar .done { height: 100%; background: var(--primary-600); border-radius: 3px; transition: width .15s linear; }
@@ -70,22 +111,21 @@ CSS = """
 .said.failed { color: #b42318; }
 .dark .said.failed { color: #f97066; }
 
-table.pyramids { border-collapse: separate; border-spacing: 10px 6px; margin: -4px -10px; }
-table.pyramids th { font-weight: 500; font-size: 12px; color: var(--body-text-color-subdued); text-align: left;
-  padding: 0; border: 0; background: none; }
-table.pyramids td, table.pyramids tr, table.pyramids thead { border: 0 !important; padding: 0; background: none; vertical-align: top; }
-table.pyramids th[scope=row] { width: 52px; vertical-align: top; padding-top: 2px; }
+#pyramids { overflow-x: auto; }
+table.pyramids { border-collapse: separate; border-spacing: 0; margin: 0; }
+table.pyramids :is(th, td) { font-weight: 500; font-size: 12px; text-align: left; padding: 0 12px 8px 0; border: 0;
+  color: var(--body-text-color-subdued); vertical-align: top; white-space: nowrap; }
+table.pyramids thead :is(th, td) { padding-bottom: 4px; }
 table.pyramids figure { margin: 0; }
-table.pyramids img, .waiting { display: block; width: 132px; height: 132px; object-fit: contain; object-position: left top; margin: 0;
-  border-radius: 2px; }
+table.pyramids img, .waiting { display: block; width: 132px; height: 132px; object-fit: contain; object-position: left top;
+  margin: 0; border-radius: 2px; }
 .waiting { background: var(--neutral-100); }
 .dark .waiting { background: var(--neutral-800); }
-table.pyramids figcaption { font-size: 11px; color: var(--body-text-color-subdued); font-variant-numeric: tabular-nums; margin: 2px 0 0; }
-#pyramids { overflow-x: auto; }
+table.pyramids figcaption { font-size: 11px; font-variant-numeric: tabular-nums; margin: 2px 0 0; }
 
 table.measures { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; width: 100%; }
-table.measures th, table.measures td { padding: 5px 10px 5px 0; border: 0; border-bottom: 1px solid var(--block-border-color);
-  text-align: left; background: none; }
+table.measures :is(th, td) { padding: 6px 12px 6px 0; border: 0; border-bottom: 1px solid var(--block-border-color);
+  text-align: left; color: var(--body-text-color); }
 table.measures th { font-weight: 500; color: var(--body-text-color-subdued); }
 footer { display: none !important; }
 """

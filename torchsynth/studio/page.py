@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from torchsynth.studio import side, stage
-from torchsynth.studio.pictures import bar
-from torchsynth.studio.tabs import synthesizing
+from torchsynth.studio import notes, side, stage
+from torchsynth.studio.tabs import comparing, distorting, filling, following, synthesizing
 from torchsynth.studio.toolkit import gr
-from torchsynth.studio.visitor import Visitor
 
+_TABS = {
+    "Synthesize": synthesizing,
+    "Target": following,
+    "Fill": filling,
+    "Distort": distorting,
+    "Compare": comparing,
+}
 _TITLE = (
     "<div id='title'><h1>torchsynth studio</h1><p>Give it a small sample of a texture, get as much as you want.</p>"
     "</div>"
@@ -16,28 +21,19 @@ _TITLE = (
 
 def build() -> gr.Blocks:
     """The whole page."""
-    with gr.Blocks(title="torchsynth studio", analytics_enabled=False, delete_cache=(3600, 7200)) as page:
-        gr.HTML(_TITLE, padding=False)
+    with gr.Blocks(
+        title="torchsynth studio", analytics_enabled=False, delete_cache=(3600, 7200), fill_width=True
+    ) as page:
+        notes.html(_TITLE)
         with gr.Row():
             with gr.Column(elem_id="side", scale=0):
                 chosen = side.build(page)
             with gr.Column(elem_id="main", scale=1):
-                tabs = gr.Tabs()
-                shown = _build_stage(chosen)
+                with gr.Column(elem_id="work"):
+                    tabs = gr.Tabs()
+                    shown = stage.build(chosen.visitor)
                 with tabs:
-                    with gr.Tab("Synthesize", id="synthesize"):
-                        synthesizing.build(chosen, shown)
+                    for title, tab in _TABS.items():
+                        with gr.Tab(title, id=title.lower()):
+                            tab.build(chosen, shown)
     return page.queue(default_concurrency_limit=8)
-
-
-def _build_stage(chosen: side.Side) -> stage.Stage:
-    with gr.Column():
-        with gr.Row():
-            cancel = gr.Button("Cancel", size="sm", elem_id="cancel", scale=0, min_width=90)
-        shown = stage.build(chosen.visitor)
-
-    def end(visitor: Visitor) -> str | dict[str, object]:
-        return bar("Cancelling", 0.0, "cancelled") if visitor.cancel() else gr.skip()
-
-    cancel.click(end, chosen.visitor, shown.bar, queue=False, show_progress="hidden")
-    return shown

@@ -1,17 +1,18 @@
-"""What was painted in the browser, as targets, regions and holes.
-
-The editor shows a small picture enlarged by a whole number, so that there is something to paint on. Here each
-pixel of the picture gets what was painted on the middle of its square.
-"""
+"""What was painted in the browser, as targets, regions, holes and fields."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+import base64
+import binascii
+import io
+from typing import TypeAlias
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from numpy.typing import NDArray
+from PIL import Image as Pillow
+from PIL import UnidentifiedImageError
 from torch import Tensor
 
 from torchsynth._typing import FieldMap, Region
@@ -19,62 +20,37 @@ from torchsynth.errors import InputError
 from torchsynth.lattice import Shape
 
 Painted: TypeAlias = NDArray[np.uint8]
-"""``(H, W, 4)``: what a layer of the editor holds."""
-
-EDITOR_SIDE = 512
-"""The editor enlarges pictures up to so many pixels."""
+"""``(H, W, 4)``: colors, and 255 where something was painted."""
 
 _OPAQUE = 128
+_START = "data:image/png;base64,"
 
 
-def enlargement(shape: Shape) -> int:
-    """By how much the editor enlarges a picture.
-
-    Example:
-        >>> enlargement((64, 128)), enlargement((600, 10))
-        (4, 1)
-    """
-    return max(1, EDITOR_SIDE // max(shape))
-
-
-def enlarged(pixels: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
-    """A picture with every pixel as a square of so many.
-
-    Example:
-        >>> enlarged(np.array([[1, 2]], np.uint8), 2).tolist()
-        [[1, 1, 2, 2], [1, 1, 2, 2]]
-    """
-    return pixels.repeat(factor, axis=0).repeat(factor, axis=1)
-
-
-def layer_of(editor: dict[str, Any] | None, shape: Shape, subject: str) -> Painted:
-    """What was painted, at the size of the picture.
+def layer_of(value: str | None, shape: Shape, subject: str) -> Painted:
+    """What was painted.
 
     Args:
-        editor: The editor's value: a background, and layers of RGBA.
+        value: What the canvas sends: a PNG of the picture's size as a data URL; nothing if nothing was painted.
         shape: Height and width of the picture.
         subject: What was to be painted, for messages.
 
-    Returns:
-        The layers, the upper ones covering the lower.
-
     Raises:
-        InputError: If nothing was painted.
+        InputError: If nothing was painted, or it belongs to a picture of another size.
 
     Example:
-        >>> layer = np.zeros((4, 8, 4), np.uint8)
-        >>> layer[:, 4:] = (9, 8, 7, 255)
-        >>> layer_of({"layers": [layer]}, (2, 4), "target")[0, :, 0].tolist()
-        [0, 0, 9, 9]
+        >>> layer_of("", (2, 4), "target")
+        Traceback (most recent call last):
+        torchsynth.errors.InputError: target: must be painted, but nothing is painted yet; paint with the brush first
     """
-    found = np.zeros((*shape, 4), np.uint8)
-    for layer in (editor or {}).get("layers", []):
-        if layer is not None:
-            small = _shrunk(np.asarray(layer, np.uint8), shape)
-            found = np.where(small[..., 3:] >= _OPAQUE, small, found)
-    if not (found[..., 3] >= _OPAQUE).any():
+    layer = np.zeros((*shape, 4), np.uint8) if not value else _decoded(value, subject)
+    if layer.shape[:2] != shape:
+        raise InputError(
+            subject, f"must be painted at the output's size, {shape[0]}x{shape[1]}",
+            f"it was painted at {layer.shape[0]}x{layer.shape[1]}", "paint it anew, or set the size back",
+        )  # fmt: skip
+    if not (layer[..., 3] >= _OPAQUE).any():
         raise InputError(subject, "must be painted", "nothing is painted yet", "paint with the brush first")
-    return found
+    return layer
 
 
 def region_of(layer: Painted) -> Region:
@@ -127,10 +103,9 @@ def field_of(layer: Painted, subject: str) -> FieldMap:
     return torch.where(painted, 4 ** (2 * share - 1), 1.0)
 
 
-def _shrunk(layer: NDArray[np.uint8], shape: Shape) -> NDArray[np.uint8]:
-    """The middle of each square; whatever the editor made of the size it was given."""
-    rows, columns = (
-        (np.arange(small) * 2 + 1) * large // (2 * small)
-        for small, large in zip(shape, layer.shape[:2], strict=True)
-    )
-    return layer[rows][:, columns]
+def _decoded(value: str, subject: str) -> Painted:
+    try:
+        data = base64.b64decode(value.removeprefix(_START), validate=True)
+        return np.asarray(Pillow.open(io.BytesIO(data), formats=("PNG",)).convert("RGBA"))
+    except (binascii.Error, UnidentifiedImageError, OSError, ValueError):
+        raise InputError(subject, "must come from the page", "it is no PNG", "reload the page") from None

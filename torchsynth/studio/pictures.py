@@ -77,18 +77,17 @@ class Pyramids:
         )
 
     def html(self) -> str:
-        """The whole table."""
+        """The whole table: levels from left to right, or the three pictures of the only level."""
         order = list(reversed(range(self._levels)))
-        heads = "".join(f"<th scope='col'>{_level_name(level, self._levels)}</th>" for level in order)
-        rows = "".join(
-            f"<tr><th scope='row'>{row}</th>{''.join(self._cell(row, level) for level in order)}</tr>"
-            for row in self.ROWS
-        )
-        return f"<table class='pyramids'><thead><tr><td></td>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+        titles = {level: _level_name(level, self._levels) for level in order}
+        if self._levels == 1:
+            return _table_of({"": [self._cell(row, 0) for row in self.ROWS]}, self.ROWS)
+        rows = {row: [self._cell(row, level) for level in order] for row in self.ROWS}
+        return _table_of(rows, list(titles.values()))
 
     def _cell(self, row: str, level: int) -> str:
         empty = "<span class='waiting'></span>"
-        return f"<td>{self._cells.get((row, level), empty)}</td>"
+        return self._cells.get((row, level), empty)
 
 
 def bar(text: str, share: float, state: str = "running") -> str:
@@ -118,15 +117,18 @@ def table(rows: Mapping[str, Sequence[str]], heads: Sequence[str]) -> str:
         >>> table({"time": ["1 s", "2 s"]}, ["A", "B"]).count("<td>")
         2
     """
+    return _table_of({name: [escape(one) for one in cells] for name, cells in rows.items()}, heads, "measures")
+
+
+def _table_of(rows: Mapping[str, Sequence[str]], heads: Sequence[str], kind: str = "pyramids") -> str:
+    """A table of HTML."""
     head = "".join(f"<th scope='col'>{escape(one)}</th>" for one in heads)
     body = "".join(
-        f"<tr><th scope='row'>{escape(name)}</th>{''.join(f'<td>{escape(one)}</td>' for one in cells)}</tr>"
+        f"<tr><th scope='row'>{escape(name)}</th>{''.join(f'<td>{one}</td>' for one in cells)}</tr>"
         for name, cells in rows.items()
     )
-    return f"<table class='measures'><thead><tr><td></td>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<table class='{kind}'><thead><tr><td></td>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def _level_name(level: int, levels: int) -> str:
-    if levels == 1:
-        return "the only level"
     return f"level {level}" + {0: ", finest", levels - 1: ", coarsest"}.get(level, "")

@@ -14,6 +14,7 @@ from torchsynth.lattice import Shape
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
 from torchsynth.samples import PREFIX, SAMPLES, sample_path
+from torchsynth.studio import notes
 from torchsynth.studio.palette import color_at, palette, with_color
 from torchsynth.studio.pictures import pixels_of
 from torchsynth.studio.toolkit import gr
@@ -22,7 +23,7 @@ from torchsynth.studio.work import data_of, read_sample, recipe_from, upload_nam
 
 FIRST_SAMPLE = "pebbles"
 FIRST_RECIPE = "ashikhmin"
-FIRST_SIDE = 128
+FIRST_SHAPE = (128, 128)
 
 
 @dataclass(frozen=True)
@@ -60,15 +61,15 @@ def build(page: gr.Blocks, form: Callable[[gr.State], None] | None = None) -> Si
     visitor = gr.State(Visitor(), delete_callback=Visitor.close)
     recipe = gr.State(data_of(load_recipe(FIRST_RECIPE)))
     colors, turn = gr.State([]), gr.State(0)
-    _section("Sample")
+    notes.section("Sample")
     _build_sample(page, visitor, colors, turn)
-    _section("Recipe")
+    notes.section("Recipe")
     _build_recipe(page, visitor, recipe, form)
-    _section("Output")
+    notes.section("Output")
     with gr.Row():
         height, width, seed = (
             gr.Number(value, label=label, precision=0, minimum=least, min_width=70, elem_id=label.lower())
-            for label, value, least in (("Height", FIRST_SIDE, 1), ("Width", FIRST_SIDE, 1), ("Seed", 0, 0))
+            for label, value, least in (("Height", FIRST_SHAPE[0], 1), ("Width", FIRST_SHAPE[1], 1), ("Seed", 0, 0))
         )
     return Side(visitor, recipe, colors, turn, height, width, seed)
 
@@ -78,17 +79,13 @@ def asked_size(height: float | None, width: float | None) -> Shape:
     return int(height or 0), int(width or 0)
 
 
-def _section(title: str) -> None:
-    gr.HTML(f"<div class='section'>{title}</div>", padding=False)
-
-
 def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr.State) -> None:
     names = list(SAMPLES)
     shown = gr.Image(
         label="Sample", elem_id="sample", format="png", interactive=False, height=250, show_label=False,
         buttons=["fullscreen"],
     )  # fmt: skip
-    about = gr.HTML(elem_id="about-sample", elem_classes="hint", padding=False)
+    about = notes.hint("", "about-sample")
     thumbnails = gr.Gallery(
         [(str(sample_path(f"{PREFIX}{name}")), name) for name in names],
         columns=4, rows=1, height=92, allow_preview=False, show_label=False, interactive=False,
@@ -129,10 +126,10 @@ def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr
         column, row = event.index
         return with_color(known, color_at(who.sample.picture.image, row, column))
 
-    thumbnails.select(pick, [visitor, turn], outputs, show_progress="hidden", queue=False)
+    thumbnails.select(pick, [visitor, turn], outputs, show_progress="hidden")
     upload.upload(take, [visitor, turn, upload], outputs, show_progress="hidden")
-    page.load(begin, [visitor, turn], outputs, show_progress="hidden", queue=False)
-    shown.select(add_color, [visitor, colors], colors, show_progress="hidden", queue=False)
+    page.load(begin, [visitor, turn], outputs, show_progress="hidden")
+    shown.select(add_color, [visitor, colors], colors, show_progress="hidden")
 
 
 def _about(sample: Sample) -> str:
@@ -140,7 +137,8 @@ def _about(sample: Sample) -> str:
     channels = {1: "gray", 2: "gray + alpha", 3: "RGB", 4: "RGBA"}
     number = len(sample.picture.image)
     kind = channels.get(number, f"{number} channels")
-    return f"<b>{escape(sample.name)}</b> &middot; {height} &times; {width} &middot; {kind}, {sample.picture.depth}"
+    facts = f"{height} &times; {width} &middot; {kind}, {sample.picture.depth}"
+    return f"<div class='hint'><b>{escape(sample.name)}</b> &middot; {facts}</div>"
 
 
 def _build_recipe(
@@ -150,7 +148,7 @@ def _build_recipe(
     chosen = gr.Dropdown(
         list(RECIPES), value=FIRST_RECIPE, show_label=False, label="Recipe", elem_id="recipe", container=False
     )
-    about = gr.HTML(_described(first), elem_id="about-recipe", elem_classes="hint", padding=False)
+    about = notes.html(_described(first), "about-recipe")
     if form is not None:
         with gr.Accordion("Parameters", open=False, elem_id="parameters"):
             form(recipe)
@@ -178,11 +176,11 @@ def _build_recipe(
         file.write_text(dump_recipe(made), encoding="utf-8")
         return dump_recipe(made), _described(made), str(file)
 
-    chosen.input(pick, chosen, recipe, show_progress="hidden", queue=False)
-    apply.click(read, [text, recipe], recipe, show_progress="hidden", queue=False)
+    chosen.input(pick, chosen, recipe, show_progress="hidden")
+    apply.click(read, [text, recipe], recipe, show_progress="hidden")
     load.upload(load_file, [load, recipe], recipe, show_progress="hidden")
     for event in (recipe.change, page.load):
-        event(show, [visitor, recipe], [text, about, save], show_progress="hidden", queue=False)
+        event(show, [visitor, recipe], [text, about, save], show_progress="hidden")
 
 
 def _or_warn(read: Callable[[], Recipe], present: dict[str, Any]) -> dict[str, Any]:
@@ -205,4 +203,5 @@ def _loaded(path: str) -> Recipe:
 
 
 def _described(recipe: Recipe) -> str:
-    return f"<b>{escape(recipe.name)}</b> &middot; {escape(recipe.description or 'a recipe of your own')}"
+    about = escape(recipe.description or "a recipe of your own")
+    return f"<div class='hint'><b>{escape(recipe.name)}</b> &middot; {about}</div>"

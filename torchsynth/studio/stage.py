@@ -6,9 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from torchsynth.drawing import draw_field
 from torchsynth.errors import TorchsynthError
 from torchsynth.exemplar import Exemplar
+from torchsynth.recipe import Recipe
 from torchsynth.result import Result
+from torchsynth.studio import notes
 from torchsynth.studio.downloads import write_files
 from torchsynth.studio.pictures import Pyramids, bar, pixels_of
 from torchsynth.studio.running import CancelledError, Finished, Snapshot, followed
@@ -44,25 +47,33 @@ class Stage:
 
 def build(visitor: gr.State) -> Stage:
     """Lay the stage out."""
-    shown = gr.HTML(bar(IDLE, 0.0, "idle"), elem_id="progress", padding=False)
-    with gr.Row(equal_height=True):
-        result = gr.Image(
-            label="Result", elem_id="result", format="png", interactive=False, height=420,
-            buttons=["fullscreen"], min_width=280,
-        )  # fmt: skip
-        drawing = gr.Image(
-            label="Field", elem_id="drawing", format="png", interactive=False, height=420,
-            buttons=["fullscreen"], visible=False, min_width=280,
-        )  # fmt: skip
-    with gr.Row(elem_id="downloads"):
-        downloads = {
-            kind: gr.DownloadButton(
-                f"{label}", size="sm", interactive=False, elem_id=f"download-{kind}", min_width=90
-            )
-            for kind, label in KINDS.items()
-        }
-    gr.HTML("<div class='section'>Level by level</div>", padding=False)
-    pyramids = gr.HTML(elem_id="pyramids", padding=False)
+    with gr.Column(elem_id="output"):
+        with gr.Row(equal_height=True):
+            result, drawing = (
+                gr.Image(
+                    label=label, elem_id=label.lower(), format="png", interactive=False, height=440,
+                    buttons=["fullscreen"], min_width=200, visible=visible,
+                )
+                for label, visible in (("Result", True), ("Drawing", False))
+            )  # fmt: skip
+        with gr.Row(elem_id="downloads"):
+            downloads = {
+                kind: gr.DownloadButton(
+                    label, size="sm", interactive=False, elem_id=f"download-{kind}", min_width=80
+                )
+                for kind, label in KINDS.items()
+            }
+    with gr.Column(elem_id="levels"):
+        notes.section("Level by level")
+        pyramids = notes.html("", name="pyramids")
+    with gr.Row(elem_id="status"):
+        shown = notes.html(bar(IDLE, 0.0, "idle"), name="progress")
+        cancel = gr.Button("Cancel", size="sm", elem_id="cancel", scale=0, min_width=90)
+
+    def end(who: Visitor) -> str | dict[str, object]:
+        return bar("Cancelling", 0.0, "cancelled") if who.cancel() else gr.skip()
+
+    cancel.click(end, visitor, shown, queue=False, show_progress="hidden")
     return Stage(visitor, shown, result, pyramids, downloads, drawing)
 
 
@@ -78,7 +89,7 @@ def perform(stage: Stage, visitor: Visitor, work: Work) -> Iterator[Updates]:
         stage.visitor: visitor,
         stage.bar: bar("Preparing", 0.0),
         stage.pyramids: pyramids.html(),
-        stage.drawing: gr.Image(visible=work.controls.distorts),
+        stage.drawing: _drawn(work),
     }
     share = 0.0
     try:
@@ -95,15 +106,27 @@ def perform(stage: Stage, visitor: Visitor, work: Work) -> Iterator[Updates]:
         yield {stage.bar: bar(str(error), share, "failed")}
 
 
+def _drawn(work: Work) -> gr.Image:
+    """The field that distorts the output, if one does."""
+    if not work.controls.distorts:
+        return gr.Image(visible=False)
+    field = draw_field(work.controls.angle, work.controls.scale, work.size)
+    return gr.Image(pixels_of(field[0]), visible=True)
+
+
+def said_of(news: Snapshot, recipe: Recipe) -> str:
+    """How far a computation is, in words."""
+    several = f"level {news.level}, " if recipe.levels > 1 else ""
+    return f"{several}sweep {news.sweep + 1}: {news.done:,} of {news.total:,} pixels"
+
+
 def _on_the_way(stage: Stage, news: Snapshot, pyramids: Pyramids, work: Work) -> Updates:
     if news.begins and news.sweep == 0:
         pyramids.put("start", news.level, news.image)
     else:
         pyramids.put("result", news.level, news.image)
-    several = f"level {news.level}, " if work.recipe.levels > 1 else ""
-    said = f"{several}sweep {news.sweep + 1}: {news.done:,} of {news.total:,} pixels"
     return {
-        stage.bar: bar(said, news.done / max(1, news.total)),
+        stage.bar: bar(said_of(news, work.recipe), news.done / max(1, news.total)),
         stage.result: pixels_of(news.image[0]),
         stage.pyramids: pyramids.html(),
     }

@@ -6,8 +6,10 @@ import contextlib
 import os
 import shutil
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+from torch import Tensor
 
 from torchsynth.controls import Controls
 from torchsynth.io import Picture
@@ -71,6 +73,7 @@ class Visitor:
     made: Made | None = None
     ticket: Ticket | None = None
     home: Path | None = None
+    fields: dict[str, Tensor] = field(default_factory=dict)
 
     def begin(self) -> Ticket:
         """Start a computation: the one before it, should it still be running, is cancelled."""

@@ -15,7 +15,7 @@ from torchsynth.completion import fill
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.exemplar import Exemplar
-from torchsynth.io import read_picture
+from torchsynth.io import Picture, read_picture
 from torchsynth.lattice import Shape
 from torchsynth.memory import check_memory
 from torchsynth.recipe import Recipe
@@ -35,6 +35,7 @@ class Work:
     Args:
         sample: What it is made of.
         recipe: How.
+        size: Of the output.
         make: Does it, and reports to what it is given.
         controls: What is pinned down.
         words: Fields that are given in words.
@@ -43,6 +44,7 @@ class Work:
 
     sample: Sample
     recipe: Recipe
+    size: Shape
     make: Callable[[Progress], Result]
     controls: Controls = field(default_factory=Controls)
     words: Mapping[str, str] = field(default_factory=dict)
@@ -63,14 +65,31 @@ def read_sample(path: str, name: str) -> Sample:
         >>> read_sample("sample:brick", "sample:brick").shape
         (128, 128)
     """
-    try:
-        picture = read_picture(path)
-    except InputError as error:  # the path of an upload tells a visitor nothing
-        raise InputError(name, error.expectation, error.fact, error.remedy) from None
+    picture = read_upload(path, name)
     checks.check_image(picture.image, name)
     sample = Sample(name, picture)
     check_pixels(sample.shape, name)
     return sample
+
+
+def read_upload(path: str, name: str | None = None) -> Picture:
+    """Read a picture; messages call it as the visitor does.
+
+    Args:
+        path: The file, or ``sample:NAME``.
+        name: What it is called; None means by the file's own name.
+
+    Raises:
+        InputError: If it cannot be read.
+
+    Example:
+        >>> read_upload("sample:brick").depth
+        '8-bit'
+    """
+    try:
+        return read_picture(path)
+    except InputError as error:  # where it was put tells a visitor nothing
+        raise InputError(name or upload_name(path), error.expectation, error.fact, error.remedy) from None
 
 
 def recipe_from(data: Mapping[str, Any]) -> Recipe:
@@ -111,11 +130,25 @@ def synthesis(sample: Sample, recipe: Recipe, size: Shape, seed: int, controls: 
     return Work(
         sample,
         recipe,
+        size,
         lambda progress: synthesize(
             sample.picture.image, size, recipe, controls=controls, seed=seed, progress=progress
         ),
         controls,
     )
+
+
+def distortion(
+    sample: Sample, recipe: Recipe, size: Shape, seed: int, controls: Controls, words: Mapping[str, str], *,
+    painted: bool,
+) -> Work:  # fmt: skip
+    """Synthesis turned and scaled by fields.
+
+    Raises:
+        InputError: If the fields do not fit, or it is too large.
+    """
+    work = synthesis(sample, recipe, size, seed, controls)
+    return Work(sample, recipe, size, work.make, controls, words, painted)
 
 
 def following(
@@ -128,7 +161,7 @@ def following(
         InputError: If it is too large.
     """
     work = synthesis(sample, with_target(recipe, passes=passes), size, seed, controls)
-    return Work(work.sample, work.recipe, work.make, controls, painted=True)
+    return Work(sample, work.recipe, size, work.make, controls, painted=True)
 
 
 def one_more_pass(made: Result, sample: Sample, seed: int, controls: Controls) -> Work:
@@ -170,6 +203,7 @@ def filling(sample: Sample, image: torch.Tensor, hole: Region, recipe: Recipe | 
     return Work(
         sample,
         recipe if recipe is not None else config.load_recipe("coherent_fill"),
+        (height, width),
         lambda progress: fill(image, hole, recipe=recipe, seed=seed, progress=progress),
         Controls(initial=image, hole=hole),
         painted=True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from torchsynth.studio import side, stage
+from torchsynth.studio import notes, side, stage
 from torchsynth.studio.stage import Stage, Updates
 from torchsynth.studio.toolkit import gr
 from torchsynth.studio.visitor import Visitor
@@ -15,11 +15,8 @@ from torchsynth.studio.work import recipe_from, synthesis
 def build(asked: side.Side, shown: Stage) -> None:
     """Lay the tab out."""
     with gr.Row(elem_classes="actions"):
-        run = gr.Button("Synthesize", variant="primary", elem_id="synthesize", scale=0, min_width=150)
-        gr.HTML(
-            "<span class='hint'>Makes new texture from the sample, with the recipe, size and seed on the left.</span>",
-            padding=False,
-        )
+        run = gr.Button("Synthesize", variant="primary", elem_id="synthesize", scale=0, min_width=130)
+    notes.hint("Makes new texture from the sample, with the recipe, size and seed on the left.")
 
     def make(
         visitor: Visitor, recipe: dict[str, Any], height: float, width: float, seed: float
