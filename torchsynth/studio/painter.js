@@ -102,7 +102,8 @@ const draw = () => {
 const mount = () => {
   const paper = element.querySelector(".painter-paper");
   paper.style.aspectRatio = `${layer.width} / ${layer.height}`;
-  paper.style.maxWidth = `${(520 * layer.width) / layer.height}px`;
+  // As large as the window leaves room for, so that nothing has to be scrolled while painting.
+  paper.style.maxWidth = `max(240px, calc((100vh - 350px) * ${layer.width / layer.height}))`;
   paper.replaceChildren(...(props.sheet.url ? [make("img", { src: props.sheet.url, alt: "", draggable: false })] : []), layer);
   draw();
 };

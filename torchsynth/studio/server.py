@@ -11,9 +11,14 @@ import tempfile
 import threading
 import webbrowser
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 from torchsynth.errors import InputError, OutputError
 from torchsynth.io import reason
+
+if TYPE_CHECKING:
+    import uvicorn
 
 HOST = "127.0.0.1"
 PORT = 7860
@@ -63,6 +68,10 @@ def serving(
     Raises:
         InputError: As for :func:`launch`.
     """
+    if find_spec("gradio") is None:
+        raise InputError(
+            "studio", "needs gradio", "it is not installed", 'pip install "torchsynth-textures[studio]"'
+        )
     if max_upload < 1:
         raise InputError("--max-upload", "must be at least 1 MB", f"it is {max_upload}", "allow more")
     with contextlib.closing(listening(host, port)) as listener, _own_folder():
@@ -128,7 +137,7 @@ def is_local(host: str) -> bool:
         return host == "localhost"
 
 
-def _server(max_upload: int) -> "uvicorn.Server":
+def _server(max_upload: int) -> uvicorn.Server:
     import uvicorn
     from fastapi import FastAPI
 

@@ -82,7 +82,7 @@ def asked_size(height: float | None, width: float | None) -> Shape:
 def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr.State) -> None:
     names = list(SAMPLES)
     shown = gr.Image(
-        label="Sample", elem_id="sample", format="png", interactive=False, height=250, show_label=False,
+        label="Sample", elem_id="sample", format="png", interactive=False, height=216, show_label=False,
         buttons=["fullscreen"],
     )  # fmt: skip
     about = notes.hint("", "about-sample")

@@ -51,10 +51,10 @@ def build(visitor: gr.State) -> Stage:
         with gr.Row(equal_height=True):
             result, drawing = (
                 gr.Image(
-                    label=label, elem_id=label.lower(), format="png", interactive=False, height=440,
+                    label=label, elem_id=f"shown-{label.lower()}", format="png", interactive=False, height=440,
                     buttons=["fullscreen"], min_width=200, visible=visible,
                 )
-                for label, visible in (("Result", True), ("Drawing", False))
+                for label, visible in (("Result", True), ("Field", False))
             )  # fmt: skip
         with gr.Row(elem_id="downloads"):
             downloads = {

@@ -7,10 +7,7 @@ import importlib.machinery
 import os
 import sys
 from collections.abc import Sequence
-from importlib.util import find_spec
 from types import ModuleType
-
-from torchsynth.errors import InputError
 
 _SLOW = "gradio.component_meta"
 
@@ -34,22 +31,6 @@ class _NoStubs(importlib.abc.MetaPathFinder):
         return spec
 
 
-def check_gradio() -> None:
-    """Whether gradio is there.
-
-    Raises:
-        InputError: If it is not; the message says how to get it.
-
-    Example:
-        >>> check_gradio()
-    """
-    if find_spec("gradio") is None:
-        raise InputError(
-            "studio", "needs gradio", "it is not installed", 'pip install "torchsynth-textures[studio]"'
-        )
-
-
-check_gradio()
 os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"  # is read while gradio is imported
 os.environ.setdefault("HF_HUB_OFFLINE", "1")
 _finder = _NoStubs()
@@ -59,4 +40,4 @@ try:
 finally:
     sys.meta_path.remove(_finder)
 
-__all__ = ["check_gradio", "gr"]
+__all__ = ["gr"]

@@ -24,6 +24,8 @@ _HINT = "Two recipes, with the same sample, size and seed."
 
 def build(asked: side.Side, shown: Stage) -> None:
     """Lay the tab out."""
+    with gr.Row(elem_classes="actions"):
+        run = gr.Button("Compare", variant="primary", elem_id="compare", scale=0, min_width=130)
     notes.hint(_HINT)
     names = [_OWN, *RECIPES]
     with gr.Row():
@@ -31,8 +33,6 @@ def build(asked: side.Side, shown: Stage) -> None:
             gr.Dropdown(names, value=value, label=f"Recipe {letter}", elem_id=f"recipe-{letter.lower()}")
             for letter, value in (("A", _OWN), ("B", "wei_levoy"))
         ]
-    with gr.Row(elem_classes="actions"):
-        run = gr.Button("Compare", variant="primary", elem_id="compare", scale=0, min_width=130)
     with gr.Row():
         pictures = [
             gr.Image(

@@ -49,14 +49,14 @@ class _Choice:
 
 def build(asked: side.Side, shown: Stage) -> None:
     """Lay the tab out."""
+    with gr.Row(elem_classes="actions"):
+        run = gr.Button("Distort", variant="primary", elem_id="distort", scale=0, min_width=130)
     notes.hint(_HINT)
     with gr.Row():
         choices = [_build_choice(subject, asked) for subject in FIELDS]
     with gr.Column(visible=False) as painting:
         notes.hint(_PAINT)
         editor = editors.canvas("field", editors.blank(side.FIRST_SHAPE, editors.GRAYS))
-    with gr.Row(elem_classes="actions"):
-        run = gr.Button("Distort", variant="primary", elem_id="distort", scale=0, min_width=130)
 
     def make(
         visitor: Visitor, recipe: dict[str, Any], height: float, width: float, seed: float, painted: str | None,

@@ -28,14 +28,13 @@ _RECIPES = (_USUAL, "coherent_fill", "efros_leung", "wei_levoy_fill", _OWN)
 
 def build(asked: side.Side, shown: Stage) -> None:
     """Lay the tab out."""
-    notes.hint(_HINT)
-    editor = editors.canvas("hole", editors.blank(side.FIRST_SHAPE, editors.HOLE_COLORS))
     with gr.Row(elem_classes="actions"):
         run = gr.Button("Fill", variant="primary", elem_id="fill", scale=0, min_width=130)
-        picture = gr.Radio(
-            _PICTURES, value=_PICTURES[0], label="Picture", elem_id="picture", scale=0, min_width=230
-        )
-        chosen = gr.Dropdown(list(_RECIPES), value=_USUAL, label="Filled with", scale=0, min_width=230)
+    notes.hint(_HINT)
+    editor = editors.canvas("hole", editors.blank(side.FIRST_SHAPE, editors.HOLE_COLORS))
+    with gr.Row():
+        picture = gr.Radio(_PICTURES, value=_PICTURES[0], label="Picture", elem_id="picture", min_width=200)
+        chosen = gr.Dropdown(list(_RECIPES), value=_USUAL, label="Filled with", elem_id="fill-with", min_width=180)
 
     def make(
         visitor: Visitor, recipe: dict[str, Any], seed: float, which: str, name: str, painted: str | None

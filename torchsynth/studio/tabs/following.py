@@ -15,20 +15,20 @@ from torchsynth.studio.visitor import Made, Sample, Visitor
 from torchsynth.studio.work import Work, following, one_more_pass, recipe_from
 
 _HINT = (
-    "Paint with the sample's colors; click on the sample to add one. What is left "
-    "unpainted is free. Each further pass follows the target more, and flattens more."
+    "Paint with colors of the sample, or click on it to pick one. What stays blank is free. Each further pass "
+    "follows the target more."
 )
 _PAPERS = ("Blank", "Last result")
 
 
 def build(asked: side.Side, shown: Stage) -> None:
     """Lay the tab out."""
+    with gr.Row(elem_classes="actions"):
+        first = gr.Button("First pass", variant="primary", elem_id="first-pass", scale=0, min_width=120)
+        again = gr.Button("One more pass", elem_id="one-more-pass", scale=0, min_width=140)
     notes.hint(_HINT)
     editor = editors.canvas("target", editors.blank(side.FIRST_SHAPE, [], others=True))
-    with gr.Row(elem_classes="actions"):
-        first = gr.Button("First pass", variant="primary", elem_id="first-pass", scale=0, min_width=130)
-        again = gr.Button("One more pass", elem_id="one-more-pass", scale=0, min_width=130)
-        paper = gr.Radio(_PAPERS, value="Blank", label="Paint on", elem_id="paper", scale=0, min_width=230)
+    paper = gr.Radio(_PAPERS, value="Blank", label="Paint on", elem_id="paper")
 
     def begin(
         visitor: Visitor, recipe: dict[str, Any], height: float, width: float, seed: float, painted: str | None
