@@ -29,7 +29,9 @@ POLICY = "; ".join(
 )
 """What the browser may load: only what this server sends."""
 
-_FOREIGN_TAGS = re.compile(rb"<(?:meta|link)\b[^>]*\bhttps?://[^>]*>|<script\b[^>]*\bsrc=\"https?://[^>]*></script>")
+_FOREIGN_TAGS = re.compile(
+    rb"<(?:meta|link)\b[^>]*\bhttps?://[^>]*>|<script\b[^>]*\bsrc=\"https?://[^>]*></script>"
+)
 
 
 def without_foreign_tags(page: bytes) -> bytes:

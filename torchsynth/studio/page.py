@@ -21,6 +21,7 @@ _TITLE = (
 
 def build() -> gr.Blocks:
     """The whole page."""
+    page: gr.Blocks
     with gr.Blocks(
         title="torchsynth studio", analytics_enabled=False, delete_cache=(3600, 7200), fill_width=True
     ) as page:
@@ -36,4 +37,5 @@ def build() -> gr.Blocks:
                     for title, tab in _TABS.items():
                         with gr.Tab(title, id=title.lower()):
                             tab.build(chosen, shown)
-    return page.queue(default_concurrency_limit=8)
+    page.queue(default_concurrency_limit=8)
+    return page

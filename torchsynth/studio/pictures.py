@@ -117,7 +117,9 @@ def table(rows: Mapping[str, Sequence[str]], heads: Sequence[str]) -> str:
         >>> table({"time": ["1 s", "2 s"]}, ["A", "B"]).count("<td>")
         2
     """
-    return _table_of({name: [escape(one) for one in cells] for name, cells in rows.items()}, heads, "measures")
+    return _table_of(
+        {name: [escape(one) for one in cells] for name, cells in rows.items()}, heads, "measures"
+    )
 
 
 def _table_of(rows: Mapping[str, Sequence[str]], heads: Sequence[str], kind: str = "pyramids") -> str:

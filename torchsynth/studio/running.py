@@ -132,7 +132,7 @@ def _run(
         if ticket.cancelled:
             raise CancelledError
         tell(Finished(value, time.perf_counter() - begun))
-    except BaseException as error:  # noqa: BLE001 (it is raised again where it is waited for)
+    except BaseException as error:
         tell(error)
     finally:
         ticket.end()
@@ -146,9 +146,7 @@ class _Reporter:
         self._last = 0.0
         self._at: tuple[int, int] | None = None
 
-    def __call__(
-        self, level: int, sweep: int, done: int, total: int, preview: Callable[[], Image]
-    ) -> None:
+    def __call__(self, level: int, sweep: int, done: int, total: int, preview: Callable[[], Image]) -> None:
         if self._ticket.cancelled:
             raise CancelledError
         begins, self._at = (level, sweep) != self._at, (level, sweep)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from torchsynth.errors import InputError, OutputError
+from torchsynth.errors import InputError
 from torchsynth.io import reason
 
 if TYPE_CHECKING:
@@ -57,9 +57,7 @@ def launch(
 
 
 @contextlib.contextmanager
-def serving(
-    host: str = HOST, port: int | None = None, *, max_upload: int = MOST_MEGABYTES
-) -> Iterator[str]:
+def serving(host: str = HOST, port: int | None = None, *, max_upload: int = MOST_MEGABYTES) -> Iterator[str]:
     """Serve the studio while the block runs.
 
     Yields:

@@ -69,14 +69,18 @@ def build(page: gr.Blocks, form: Callable[[gr.State], None] | None = None) -> Si
     with gr.Row():
         height, width, seed = (
             gr.Number(value, label=label, precision=0, minimum=least, min_width=70, elem_id=label.lower())
-            for label, value, least in (("Height", FIRST_SHAPE[0], 1), ("Width", FIRST_SHAPE[1], 1), ("Seed", 0, 0))
+            for label, value, least in (
+                ("Height", FIRST_SHAPE[0], 1),
+                ("Width", FIRST_SHAPE[1], 1),
+                ("Seed", 0, 0),
+            )
         )
     return Side(visitor, recipe, colors, turn, height, width, seed)
 
 
-def asked_size(height: float | None, width: float | None) -> Shape:
+def asked_size(height: int | None, width: int | None) -> Shape:
     """The size in the two fields; what is missing is 0, and told by whoever is asked for that size."""
-    return int(height or 0), int(width or 0)
+    return height or 0, width or 0
 
 
 def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr.State) -> None:
@@ -107,7 +111,7 @@ def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr
             about: _about(who.sample),
         }  # fmt: skip
 
-    outputs = {visitor, turn, shown, colors, about}
+    outputs = [visitor, turn, shown, colors, about]
 
     def pick(who: Visitor, count: int, event: gr.SelectData) -> dict[Any, Any]:
         path = f"{PREFIX}{names[event.index]}"
@@ -154,7 +158,12 @@ def _build_recipe(
             form(recipe)
     with gr.Accordion("As YAML", open=False, elem_id="yaml-panel"):
         text = gr.Code(
-            dump_recipe(first), language="yaml", show_label=False, elem_id="yaml", max_lines=24, interactive=True
+            dump_recipe(first),
+            language="yaml",
+            show_label=False,
+            elem_id="yaml",
+            max_lines=24,
+            interactive=True,
         )
         with gr.Row():
             apply = gr.Button("Apply", size="sm", elem_id="apply-yaml", min_width=80)

@@ -38,11 +38,11 @@ class Stage:
     drawing: gr.Image
 
     @property
-    def outputs(self) -> set[Any]:
+    def outputs(self) -> list[Any]:
         """All that a computation may change."""
-        return {
+        return [
             self.visitor, self.bar, self.result, self.pyramids, self.drawing, *self.downloads.values(),
-        }  # fmt: skip
+        ]  # fmt: skip
 
 
 def build(visitor: gr.State) -> Stage:
@@ -176,7 +176,9 @@ def asked(stage: Stage, visitor: Visitor, plan: Callable[[Sample], Work]) -> Ite
     yield from perform(stage, visitor, work)
 
 
-def on_click(button: gr.Button, make: Callable[..., Iterator[Updates]], inputs: list[Any], stage: Stage) -> None:
+def on_click(
+    button: gr.Button, make: Callable[..., Iterator[Updates]], inputs: list[Any], stage: Stage
+) -> None:
     """Have a button make something.
 
     A computation of one visitor does not wait for another's, and a second click does nothing while the first

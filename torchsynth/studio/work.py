@@ -118,7 +118,9 @@ def data_of(recipe: Recipe) -> dict[str, Any]:
     return data
 
 
-def synthesis(sample: Sample, recipe: Recipe, size: Shape, seed: int, controls: Controls | None = None) -> Work:
+def synthesis(
+    sample: Sample, recipe: Recipe, size: Shape, seed: int, controls: Controls | None = None
+) -> Work:
     """Plain synthesis, or with controls.
 
     Raises:

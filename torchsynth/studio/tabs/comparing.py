@@ -44,14 +44,19 @@ def build(asked: side.Side, shown: Stage) -> None:
     measures = gr.HTML(elem_id="measures", padding=False)
 
     def make(
-        visitor: Visitor, recipe: dict[str, Any], height: float, width: float, seed: float, *names: str
+        visitor: Visitor,
+        recipe: dict[str, Any],
+        height: int | None,
+        width: int | None,
+        seed: int | None,
+        *names: str,
     ) -> Iterator[Updates]:
         if visitor.sample is None:
             return
         try:
             recipes = [_named(name, recipe) for name in names]
             size = side.asked_size(height, width)
-            works = [synthesis(visitor.sample, one, size, int(seed or 0)) for one in recipes]
+            works = [synthesis(visitor.sample, one, size, seed or 0) for one in recipes]
         except TorchsynthError as error:
             gr.Warning(str(error))
             yield {shown.bar: bar(str(error), 0.0, "failed")}
@@ -60,13 +65,18 @@ def build(asked: side.Side, shown: Stage) -> None:
         yield from _compared(visitor, visitor.sample, works, shown, pictures, measures)
 
     run.click(
-        make, [*asked.asked, *choices], {shown.visitor, shown.bar, measures, *pictures},
+        make, [*asked.asked, *choices], [shown.visitor, shown.bar, measures, *pictures],
         show_progress="hidden", concurrency_limit=None, trigger_mode="once",
     )  # fmt: skip
 
 
 def _compared(
-    visitor: Visitor, sample: Sample, works: list[Work], shown: Stage, pictures: list[gr.Image], measures: gr.HTML
+    visitor: Visitor,
+    sample: Sample,
+    works: list[Work],
+    shown: Stage,
+    pictures: list[gr.Image],
+    measures: gr.HTML,
 ) -> Iterator[Updates]:
     """One after the other, so that the times can be compared."""
     ended: list[Finished[Result]] = []

@@ -59,7 +59,7 @@ def build(asked: side.Side, shown: Stage) -> None:
         editor = editors.canvas("field", editors.blank(side.FIRST_SHAPE, editors.GRAYS))
 
     def make(
-        visitor: Visitor, recipe: dict[str, Any], height: float, width: float, seed: float, painted: str | None,
+        visitor: Visitor, recipe: dict[str, Any], height: int | None, width: int | None, seed: int | None, painted: str | None,
         *given: str,
     ) -> Iterator[Updates]:  # fmt: skip
         def plan(sample: Sample) -> Work:
@@ -68,7 +68,7 @@ def build(asked: side.Side, shown: Stage) -> None:
             for number, subject in enumerate(FIELDS):
                 fields.add(subject, given[2 * number], given[2 * number + 1])
             return distortion(
-                sample, recipe_from(recipe), size, int(seed or 0), fields.controls(), fields.words,
+                sample, recipe_from(recipe), size, seed or 0, fields.controls(), fields.words,
                 painted=fields.painted,
             )  # fmt: skip
 

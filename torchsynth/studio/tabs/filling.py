@@ -17,10 +17,7 @@ from torchsynth.studio.toolkit import gr
 from torchsynth.studio.visitor import Sample, Visitor
 from torchsynth.studio.work import Work, filling, recipe_from
 
-_HINT = (
-    "Paint over what is to be replaced. It is filled with what is around it; nothing else "
-    "changes."
-)
+_HINT = "Paint over what is to be replaced. It is filled with what is around it; nothing else changes."
 _PICTURES = ("The sample", "Last result")
 _USUAL, _OWN = "coherent_fill, as fits", "the one on the left"
 _RECIPES = (_USUAL, "coherent_fill", "efros_leung", "wei_levoy_fill", _OWN)
@@ -34,15 +31,17 @@ def build(asked: side.Side, shown: Stage) -> None:
     editor = editors.canvas("hole", editors.blank(side.FIRST_SHAPE, editors.HOLE_COLORS))
     with gr.Row():
         picture = gr.Radio(_PICTURES, value=_PICTURES[0], label="Picture", elem_id="picture", min_width=200)
-        chosen = gr.Dropdown(list(_RECIPES), value=_USUAL, label="Filled with", elem_id="fill-with", min_width=180)
+        chosen = gr.Dropdown(
+            list(_RECIPES), value=_USUAL, label="Filled with", elem_id="fill-with", min_width=180
+        )
 
     def make(
-        visitor: Visitor, recipe: dict[str, Any], seed: float, which: str, name: str, painted: str | None
+        visitor: Visitor, recipe: dict[str, Any], seed: int | None, which: str, name: str, painted: str | None
     ) -> Iterator[Updates]:
         def plan(sample: Sample) -> Work:
             image = _picture(visitor, sample, which)
             hole = region_of(layer_of(painted, (image.shape[1], image.shape[2]), "hole"))
-            return filling(sample, image, hole, _recipe(name, recipe), int(seed or 0))
+            return filling(sample, image, hole, _recipe(name, recipe), seed or 0)
 
         yield from stage.asked(shown, visitor, plan)
 
@@ -57,7 +56,9 @@ def build(asked: side.Side, shown: Stage) -> None:
         return editors.on(editors.showing(image, editors.HOLE_COLORS))
 
     stage.on_click(run, make, [asked.visitor, asked.recipe, asked.seed, picture, chosen, editor], shown)
-    gr.on([asked.turn.change, picture.input], prepare, [asked.visitor, picture], editor, show_progress="hidden")
+    gr.on(
+        [asked.turn.change, picture.input], prepare, [asked.visitor, picture], editor, show_progress="hidden"
+    )
 
 
 def _picture(visitor: Visitor, sample: Sample, which: str) -> torch.Tensor:

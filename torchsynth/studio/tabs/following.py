@@ -7,6 +7,7 @@ from typing import Any
 
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
+from torchsynth.lattice import Shape
 from torchsynth.studio import editors, notes, side, stage
 from torchsynth.studio.painting import layer_of, region_of, target_of
 from torchsynth.studio.stage import Stage, Updates
@@ -31,11 +32,16 @@ def build(asked: side.Side, shown: Stage) -> None:
     paper = gr.Radio(_PAPERS, value="Blank", label="Paint on", elem_id="paper")
 
     def begin(
-        visitor: Visitor, recipe: dict[str, Any], height: float, width: float, seed: float, painted: str | None
+        visitor: Visitor,
+        recipe: dict[str, Any],
+        height: int | None,
+        width: int | None,
+        seed: int | None,
+        painted: str | None,
     ) -> Iterator[Updates]:
         def plan(sample: Sample) -> Work:
             size = side.asked_size(height, width)
-            return following(sample, recipe_from(recipe), size, int(seed or 0), _wish(sample, painted, size), 1)
+            return following(sample, recipe_from(recipe), size, seed or 0, _wish(sample, painted, size), 1)
 
         yield from stage.asked(shown, visitor, plan)
 
@@ -48,7 +54,9 @@ def build(asked: side.Side, shown: Stage) -> None:
 
         yield from stage.asked(shown, visitor, plan)
 
-    def prepare(visitor: Visitor, height: float, width: float, chosen: str, colors: list[str]) -> gr.HTML:
+    def prepare(
+        visitor: Visitor, height: int | None, width: int | None, chosen: str, colors: list[str]
+    ) -> gr.HTML:
         if chosen == "Last result" and visitor.made is not None:
             return editors.on(editors.showing(visitor.made.result.image[0], colors, others=True))
         size = editors.paper_size(*side.asked_size(height, width))

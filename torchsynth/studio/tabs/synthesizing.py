@@ -19,14 +19,12 @@ def build(asked: side.Side, shown: Stage) -> None:
     notes.hint("Makes new texture from the sample, with the recipe, size and seed on the left.")
 
     def make(
-        visitor: Visitor, recipe: dict[str, Any], height: float, width: float, seed: float
+        visitor: Visitor, recipe: dict[str, Any], height: int | None, width: int | None, seed: int | None
     ) -> Iterator[Updates]:
         yield from stage.asked(
             shown,
             visitor,
-            lambda sample: synthesis(
-                sample, recipe_from(recipe), side.asked_size(height, width), int(seed or 0)
-            ),
+            lambda sample: synthesis(sample, recipe_from(recipe), side.asked_size(height, width), seed or 0),
         )
 
     stage.on_click(run, make, asked.asked, shown)
