@@ -177,7 +177,7 @@ def asked(stage: Stage, visitor: Visitor, plan: Callable[[Sample], Work]) -> Ite
 
 
 def on_click(
-    button: gr.Button, make: Callable[..., Iterator[Updates]], inputs: list[Any], stage: Stage
+    button: gr.Button, make: Callable[..., Iterator[Updates]], inputs: list[Any], outputs: list[Any]
 ) -> None:
     """Have a button make something.
 
@@ -185,5 +185,6 @@ def on_click(
     one's is running.
     """
     button.click(
-        make, inputs, stage.outputs, show_progress="hidden", concurrency_limit=None, trigger_mode="once"
-    )
+        lambda *given: (yield from make(*given)),  # gradio streams only what looks like a generator function
+        inputs, outputs, show_progress="hidden", concurrency_limit=None, trigger_mode="once",
+    )  # fmt: skip

@@ -10,7 +10,7 @@ from torchsynth.errors import TorchsynthError
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
 from torchsynth.result import Result
-from torchsynth.studio import comparison, notes, side
+from torchsynth.studio import comparison, notes, side, stage
 from torchsynth.studio.pictures import bar, pixels_of, table
 from torchsynth.studio.running import CancelledError, Finished, followed
 from torchsynth.studio.stage import Stage, Updates, said_of
@@ -64,10 +64,7 @@ def build(asked: side.Side, shown: Stage) -> None:
         yield {shown.visitor: visitor, measures: "", **dict.fromkeys(pictures)}
         yield from _compared(visitor, visitor.sample, works, shown, pictures, measures)
 
-    run.click(
-        make, [*asked.asked, *choices], [shown.visitor, shown.bar, measures, *pictures],
-        show_progress="hidden", concurrency_limit=None, trigger_mode="once",
-    )  # fmt: skip
+    stage.on_click(run, make, [*asked.asked, *choices], [shown.visitor, shown.bar, measures, *pictures])
 
 
 def _compared(

@@ -76,7 +76,7 @@ def build(asked: side.Side, shown: Stage) -> None:
 
     makers = [one.maker for one in choices]
     texts = [one for choice in choices for one in (choice.maker, choice.numbers)]
-    stage.on_click(run, make, [*asked.asked, editor, *texts], shown)
+    stage.on_click(run, make, [*asked.asked, editor, *texts], shown.outputs)
     gr.on(
         [one.input for one in makers],
         lambda *chosen: gr.Column(visible=PAINTED in chosen),

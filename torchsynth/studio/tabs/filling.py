@@ -55,7 +55,9 @@ def build(asked: side.Side, shown: Stage) -> None:
             image = visitor.sample.picture.image
         return editors.on(editors.showing(image, editors.HOLE_COLORS))
 
-    stage.on_click(run, make, [asked.visitor, asked.recipe, asked.seed, picture, chosen, editor], shown)
+    stage.on_click(
+        run, make, [asked.visitor, asked.recipe, asked.seed, picture, chosen, editor], shown.outputs
+    )
     gr.on(
         [asked.turn.change, picture.input], prepare, [asked.visitor, picture], editor, show_progress="hidden"
     )

@@ -62,8 +62,8 @@ def build(asked: side.Side, shown: Stage) -> None:
         size = editors.paper_size(*side.asked_size(height, width))
         return editors.on(editors.blank(size, colors, others=True))
 
-    stage.on_click(first, begin, [*asked.asked, editor], shown)
-    stage.on_click(again, go_on, [asked.visitor, editor], shown)
+    stage.on_click(first, begin, [*asked.asked, editor], shown.outputs)
+    stage.on_click(again, go_on, [asked.visitor, editor], shown.outputs)
     gr.on(
         [asked.height.change, asked.width.change, paper.input, asked.colors.change],
         prepare, [asked.visitor, asked.height, asked.width, paper, asked.colors], editor, show_progress="hidden",

@@ -27,4 +27,4 @@ def build(asked: side.Side, shown: Stage) -> None:
             lambda sample: synthesis(sample, recipe_from(recipe), side.asked_size(height, width), seed or 0),
         )
 
-    stage.on_click(run, make, asked.asked, shown)
+    stage.on_click(run, make, asked.asked, shown.outputs)
