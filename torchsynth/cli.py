@@ -11,7 +11,17 @@ from typing import Annotated
 
 import typer
 
-from torchsynth import cli_analogy, cli_apply, cli_batch, cli_completion, cli_measure, config, jobs, records
+from torchsynth import (
+    cli_analogy,
+    cli_apply,
+    cli_batch,
+    cli_completion,
+    cli_measure,
+    cli_studio,
+    config,
+    jobs,
+    records,
+)
 from torchsynth.errors import InputError, TorchsynthError
 from torchsynth.options import (
     Changes,
@@ -153,7 +163,7 @@ def synthesize(
     run(job, files)
 
 
-for commands in (cli_completion, cli_analogy, cli_apply, cli_batch, cli_measure):
+for commands in (cli_completion, cli_analogy, cli_apply, cli_batch, cli_measure, cli_studio):
     commands.register(app)
 
 

@@ -1,4 +1,4 @@
-"""Source maps from the files that ``--source-map`` writes."""
+"""Source maps in files: what ``--source-map`` writes."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def controls_from(
     target, region = _target(pictures, channels)
     fields: dict[str, Tensor | float]
     fields = {name: parse_field(name, word, size) for name, word in words.items()}
-    fields |= {name: _field_picture(name, pictures[name]) for name in FIELDS if name in pictures}
+    fields |= {name: field_picture(name, pictures[name]) for name in FIELDS if name in pictures}
     initial = pictures["initial"].image if "initial" in pictures else None
     angle, scale = fields.get("angle"), fields.get("scale")
     return Controls(initial=initial, target=target, target_region=region, angle=angle, scale=scale)
@@ -115,8 +115,21 @@ def parse_field(subject: str, word: str, size: Shape) -> Tensor | float:
     return made
 
 
-def _field_picture(subject: str, picture: Picture) -> Tensor:
-    """A field from a picture: float files hold the numbers themselves, others a share of the range."""
+def field_picture(subject: str, picture: Picture) -> Tensor:
+    """A field from a picture: float files hold the numbers themselves, others a share of the range.
+
+    Args:
+        subject: ``angle`` (black 0, white 360 degrees) or ``scale`` (black 1/4, middle 1, white 4).
+        picture: A gray one.
+
+    Raises:
+        InputError: If it has colors.
+
+    Example:
+        >>> import torch
+        >>> field_picture("angle", Picture(torch.tensor([[[0.0, 0.5]]]), "8-bit", "")).tolist()
+        [[0.0, 180.0]]
+    """
     if len(picture.image) != 1:
         raise InputError(
             subject, "a field's picture must be gray", f"it has {len(picture.image)} channels",

@@ -1,0 +1,242 @@
+"""What the page can be asked to make, as the library is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from torchsynth import checks, config
+from torchsynth._typing import Region
+from torchsynth.completion import fill
+from torchsynth.controls import Controls
+from torchsynth.errors import InputError
+from torchsynth.exemplar import Exemplar
+from torchsynth.io import Picture, read_picture
+from torchsynth.lattice import Shape
+from torchsynth.memory import check_memory
+from torchsynth.recipe import Recipe
+from torchsynth.recipes import with_target
+from torchsynth.result import Result
+from torchsynth.studio.visitor import Sample
+from torchsynth.synthesis import Progress, synthesize
+
+MOST_PIXELS = 2**20
+"""Samples and outputs in the page have at most so many pixels: 1024x1024."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """One thing to make.
+
+    Args:
+        sample: What it is made of.
+        recipe: How.
+        size: Of the output.
+        make: Does it, and reports to what it is given.
+        controls: What is pinned down.
+        words: Fields that are given in words.
+        painted: Whether something was painted or uploaded that no file holds.
+    """
+
+    sample: Sample
+    recipe: Recipe
+    size: Shape
+    make: Callable[[Progress], Result]
+    controls: Controls = field(default_factory=Controls)
+    words: Mapping[str, str] = field(default_factory=dict)
+    painted: bool = False
+
+
+def read_sample(path: str, name: str) -> Sample:
+    """Read a picture as a sample.
+
+    Args:
+        path: The file, or ``sample:NAME``.
+        name: What it is called in messages.
+
+    Raises:
+        InputError: If it is no picture, or too large for the page.
+
+    Example:
+        >>> read_sample("sample:brick", "sample:brick").shape
+        (128, 128)
+    """
+    picture = read_upload(path, name)
+    checks.check_image(picture.image, name)
+    sample = Sample(name, picture)
+    check_pixels(sample.shape, name)
+    return sample
+
+
+def read_upload(path: str, name: str | None = None) -> Picture:
+    """Read a picture; messages call it as the visitor does.
+
+    Args:
+        path: The file, or ``sample:NAME``.
+        name: What it is called; None means by the file's own name.
+
+    Raises:
+        InputError: If it cannot be read.
+
+    Example:
+        >>> read_upload("sample:brick").depth
+        '8-bit'
+    """
+    try:
+        return read_picture(path)
+    except InputError as error:  # where it was put tells a visitor nothing
+        raise InputError(name or upload_name(path), error.expectation, error.fact, error.remedy) from None
+
+
+def recipe_from(data: Mapping[str, Any]) -> Recipe:
+    """The recipe that the form holds.
+
+    Raises:
+        ConfigError: If it is none.
+
+    Example:
+        >>> recipe_from({"levels": 1, "sweeps": [{"layers": [{"plane": "result"}]}]}).levels
+        Traceback (most recent call last):
+        torchsynth.errors.ConfigError: ...
+    """
+    return config.parse_recipe(dict(data), "recipe")
+
+
+def data_of(recipe: Recipe) -> dict[str, Any]:
+    """A recipe as the form holds it.
+
+    Example:
+        >>> from torchsynth.recipes import ashikhmin
+        >>> recipe_from(data_of(ashikhmin())) == ashikhmin()
+        True
+    """
+    data: dict[str, Any] = recipe.model_dump(mode="json", exclude_none=True)
+    return data
+
+
+def synthesis(
+    sample: Sample, recipe: Recipe, size: Shape, seed: int, controls: Controls | None = None
+) -> Work:
+    """Plain synthesis, or with controls.
+
+    Raises:
+        InputError: If it is too large for the page, or for this machine.
+    """
+    controls = controls or Controls()
+    check_pixels(size, "size")
+    check_memory(recipe, Exemplar(sample.picture.image), size, 1)
+    return Work(
+        sample,
+        recipe,
+        size,
+        lambda progress: synthesize(
+            sample.picture.image, size, recipe, controls=controls, seed=seed, progress=progress
+        ),
+        controls,
+    )
+
+
+def distortion(
+    sample: Sample, recipe: Recipe, size: Shape, seed: int, controls: Controls, words: Mapping[str, str], *,
+    painted: bool,
+) -> Work:  # fmt: skip
+    """Synthesis turned and scaled by fields.
+
+    Raises:
+        InputError: If the fields do not fit, or it is too large.
+    """
+    work = synthesis(sample, recipe, size, seed, controls)
+    return Work(sample, recipe, size, work.make, controls, words, painted)
+
+
+def following(
+    sample: Sample, recipe: Recipe, size: Shape, seed: int, controls: Controls, passes: int
+) -> Work:
+    """Synthesis that follows a painted target.
+
+    Raises:
+        ConfigError: If the recipe cannot follow one.
+        InputError: If it is too large.
+    """
+    work = synthesis(sample, with_target(recipe, passes=passes), size, seed, controls)
+    return Work(sample, work.recipe, size, work.make, controls, painted=True)
+
+
+def one_more_pass(made: Result, sample: Sample, seed: int, controls: Controls) -> Work:
+    """One more pass over an output.
+
+    Args:
+        made: The output.
+        sample: What it was made from.
+        seed: As before.
+        controls: The target as it is now.
+
+    Raises:
+        ConfigError: If the recipe cannot have another pass.
+    """
+    # The one place that decides how: all passes anew, one more than before, with the same random numbers.
+    height, width = made.image.shape[-2:]
+    passes = passes_of(made.recipe) + 1
+    return following(sample, made.recipe, (height, width), seed, controls, passes)
+
+
+def passes_of(recipe: Recipe) -> int:
+    """How many passes of a recipe follow the target.
+
+    Example:
+        >>> from torchsynth.recipes import ashikhmin, ashikhmin_target
+        >>> passes_of(ashikhmin()), passes_of(with_target(ashikhmin_target(), passes=3))
+        (0, 3)
+    """
+    for passes in range(1, 21):
+        if recipe.follows_target and with_target(recipe, passes=passes).sweeps == recipe.sweeps:
+            return passes
+    return 0
+
+
+def filling(sample: Sample, image: torch.Tensor, hole: Region, recipe: Recipe | None, seed: int) -> Work:
+    """A hole of a picture filled from the rest of it."""
+    height, width = image.shape[-2:]
+    check_pixels((height, width), "picture")
+    return Work(
+        sample,
+        recipe if recipe is not None else config.load_recipe("coherent_fill"),
+        (height, width),
+        lambda progress: fill(image, hole, recipe=recipe, seed=seed, progress=progress),
+        Controls(initial=image, hole=hole),
+        painted=True,
+    )
+
+
+def check_pixels(size: Shape, subject: str) -> None:
+    """Whether the page makes pictures of that size.
+
+    Raises:
+        InputError: If it does not.
+
+    Example:
+        >>> check_pixels((2000, 2000), "size")
+        Traceback (most recent call last):
+        torchsynth.errors.InputError: size: the page works with up to 1,048,576 pixels, but 2000x2000 are
+        4,000,000; use the command line for more
+    """
+    height, width = checks.check_size(size)
+    if height * width > MOST_PIXELS:
+        raise InputError(
+            subject, f"the page works with up to {MOST_PIXELS:,} pixels",
+            f"{height}x{width} are {height * width:,}", "use the command line for more",
+        )  # fmt: skip
+
+
+def upload_name(path: str) -> str:
+    """What an uploaded file is called.
+
+    Example:
+        >>> upload_name("/tmp/gradio/1234/stones.png")
+        'stones.png'
+    """
+    return Path(path).name
