@@ -6,10 +6,9 @@ import re
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-import gradio as gr
-
 from torchsynth.studio import docstrings
 from torchsynth.studio.fields import Field, read, written
+from torchsynth.studio.toolkit import gr
 
 Control: TypeAlias = gr.Number | gr.Dropdown | gr.Checkbox | gr.Textbox
 """What a value is edited with."""

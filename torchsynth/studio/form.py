@@ -15,8 +15,6 @@ from functools import partial
 from importlib import resources
 from typing import Any
 
-import gradio as gr
-
 from torchsynth.errors import ConfigError
 from torchsynth.recipes import RECIPES
 from torchsynth.studio import docstrings, edits
@@ -34,6 +32,7 @@ from torchsynth.studio.fields import Field, fields_of
 from torchsynth.studio.parameters import parameters_of
 from torchsynth.studio.sheet import MAIN, Data, Sheet, presence
 from torchsynth.studio.titles import inline, is_flat, is_small, title_of
+from torchsynth.studio.toolkit import gr
 
 CSS = resources.files("torchsynth.studio").joinpath("form.css").read_text(encoding="utf-8")
 """How the form looks, for ``launch(css=...)``."""

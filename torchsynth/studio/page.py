@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from torchsynth.studio import notes, side, stage
-from torchsynth.studio.tabs import comparing, distorting, filling, following, synthesizing
+from torchsynth.studio.tabs import comparing, distorting, filling, following, synthesizing, tuning
 from torchsynth.studio.toolkit import gr
 
 _TABS = {
@@ -12,6 +12,7 @@ _TABS = {
     "Fill": filling,
     "Distort": distorting,
     "Compare": comparing,
+    "Parameters": tuning,
 }
 _TITLE = (
     "<div id='title'><h1>torchsynth studio</h1><p>Give it a small sample of a texture, get as much as you want.</p>"

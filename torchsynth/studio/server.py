@@ -139,12 +139,12 @@ def _server(max_upload: int) -> uvicorn.Server:
     import uvicorn
     from fastapi import FastAPI
 
-    from torchsynth.studio import look, page
+    from torchsynth.studio import form, look, page
     from torchsynth.studio.offline import Offline
     from torchsynth.studio.toolkit import gr
 
     app = gr.mount_gradio_app(
-        FastAPI(openapi_url=None), page.build(), path="/", theme=look.theme(), css=look.CSS, footer_links=[],
+        FastAPI(openapi_url=None), page.build(), path="/", theme=look.theme(), css=look.CSS + form.CSS, footer_links=[],
         run_history=False, max_file_size=max_upload * 10**6, ssr_mode=False, pwa=False, show_error=True,
         enable_monitoring=False, mcp_server=False,
     )  # fmt: skip

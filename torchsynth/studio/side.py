@@ -15,11 +15,12 @@ from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
 from torchsynth.samples import PREFIX, SAMPLES, sample_path
 from torchsynth.studio import notes
+from torchsynth.studio.edits import complete
 from torchsynth.studio.palette import color_at, palette, with_color
 from torchsynth.studio.pictures import pixels_of
 from torchsynth.studio.toolkit import gr
 from torchsynth.studio.visitor import Sample, Visitor
-from torchsynth.studio.work import data_of, read_sample, recipe_from, upload_name
+from torchsynth.studio.work import read_sample, recipe_from, upload_name
 from torchsynth.yaml_text import parse_yaml
 
 FIRST_SAMPLE = "pebbles"
@@ -52,20 +53,19 @@ class Side:
         return [self.visitor, self.recipe, self.height, self.width, self.seed]
 
 
-def build(page: gr.Blocks, form: Callable[[gr.State], None] | None = None) -> Side:
+def build(page: gr.Blocks) -> Side:
     """Lay the side out.
 
     Args:
         page: The page.
-        form: Puts the fields of the recipe's parameters in place; they edit the state that it is given.
     """
     visitor = gr.State(Visitor(), delete_callback=Visitor.close)
-    recipe = gr.State(data_of(load_recipe(FIRST_RECIPE)))
+    recipe = gr.State(complete(load_recipe(FIRST_RECIPE)))
     colors, turn = gr.State([]), gr.State(0)
     notes.section("Sample")
     _build_sample(page, visitor, colors, turn)
     notes.section("Recipe")
-    _build_recipe(page, visitor, recipe, form)
+    _build_recipe(page, visitor, recipe)
     notes.section("Output")
     with gr.Row():
         height, width, seed = (
@@ -146,17 +146,12 @@ def _about(sample: Sample) -> str:
     return f"<div class='hint'><b>{escape(sample.name)}</b> &middot; {facts}</div>"
 
 
-def _build_recipe(
-    page: gr.Blocks, visitor: gr.State, recipe: gr.State, form: Callable[[gr.State], None] | None
-) -> None:
+def _build_recipe(page: gr.Blocks, visitor: gr.State, recipe: gr.State) -> None:
     first = load_recipe(FIRST_RECIPE)
     chosen = gr.Dropdown(
         list(RECIPES), value=FIRST_RECIPE, show_label=False, label="Recipe", elem_id="recipe", container=False
     )
     about = notes.html(_described(first), "about-recipe")
-    if form is not None:
-        with gr.Accordion("Parameters", open=False, elem_id="parameters"):
-            form(recipe)
     with gr.Accordion("As YAML", open=False, elem_id="yaml-panel"):
         text = gr.Code(
             dump_recipe(first),
@@ -172,7 +167,7 @@ def _build_recipe(
             save = gr.DownloadButton("Download", size="sm", elem_id="save-yaml", min_width=80)
 
     def pick(name: str) -> dict[str, Any]:
-        return data_of(load_recipe(name))
+        return complete(load_recipe(name))
 
     def read(written: str, present: dict[str, Any]) -> dict[str, Any]:
         return _or_warn(lambda: parse_recipe(parse_yaml(written, "YAML"), "YAML"), present)
@@ -196,7 +191,7 @@ def _build_recipe(
 def _or_warn(read: Callable[[], Recipe], present: dict[str, Any]) -> dict[str, Any]:
     """What was read; if it is no recipe, a message, and what there was."""
     try:
-        return data_of(read())
+        return complete(read())
     except TorchsynthError as error:
         gr.Warning(str(error))
         return present

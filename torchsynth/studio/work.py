@@ -19,7 +19,8 @@ from torchsynth.io import Picture, read_picture
 from torchsynth.lattice import Shape
 from torchsynth.memory import check_memory
 from torchsynth.recipe import Recipe
-from torchsynth.recipes import with_target
+from torchsynth.recipes import further_pass, with_target
+from torchsynth.refining import refine
 from torchsynth.result import Result
 from torchsynth.studio.visitor import Sample
 from torchsynth.synthesis import Progress, synthesize
@@ -106,18 +107,6 @@ def recipe_from(data: Mapping[str, Any]) -> Recipe:
     return config.parse_recipe(dict(data), "recipe")
 
 
-def data_of(recipe: Recipe) -> dict[str, Any]:
-    """A recipe as the form holds it.
-
-    Example:
-        >>> from torchsynth.recipes import ashikhmin
-        >>> recipe_from(data_of(ashikhmin())) == ashikhmin()
-        True
-    """
-    data: dict[str, Any] = recipe.model_dump(mode="json", exclude_none=True)
-    return data
-
-
 def synthesis(
     sample: Sample, recipe: Recipe, size: Shape, seed: int, controls: Controls | None = None
 ) -> Work:
@@ -178,24 +167,19 @@ def one_more_pass(made: Result, sample: Sample, seed: int, controls: Controls) -
     Raises:
         ConfigError: If the recipe cannot have another pass.
     """
-    # The one place that decides how: all passes anew, one more than before, with the same random numbers.
     height, width = made.image.shape[-2:]
-    passes = passes_of(made.recipe) + 1
-    return following(sample, made.recipe, (height, width), seed, controls, passes)
-
-
-def passes_of(recipe: Recipe) -> int:
-    """How many passes of a recipe follow the target.
-
-    Example:
-        >>> from torchsynth.recipes import ashikhmin, ashikhmin_target
-        >>> passes_of(ashikhmin()), passes_of(with_target(ashikhmin_target(), passes=3))
-        (0, 3)
-    """
-    for passes in range(1, 21):
-        if recipe.follows_target and with_target(recipe, passes=passes).sweeps == recipe.sweeps:
-            return passes
-    return 0
+    check_pixels((height, width), "size")
+    recipe = further_pass(made.recipe if made.recipe.follows_target else with_target(made.recipe))
+    return Work(
+        sample,
+        recipe,
+        (height, width),
+        lambda progress: refine(
+            sample.picture.image, made, recipe, controls=controls, seed=seed, progress=progress
+        ),
+        controls,
+        painted=True,
+    )
 
 
 def filling(sample: Sample, image: torch.Tensor, hole: Region, recipe: Recipe | None, seed: int) -> Work:
