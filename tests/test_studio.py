@@ -456,20 +456,18 @@ def test_a_painted_hole_is_filled_and_the_rest_stays(visit, sample):
 def test_a_field_is_chosen_and_drawn(visit, sample):
     page = visit()
     page.use(sample[0].path, 16)
-    page.recipe("distorted")
     page.tab("Distort")
     page.run("distort")
     expected = ts.synthesize(
-        sample[0].picture.image, (16, 16), ts.recipes.distorted(),
+        sample[0].picture.image, (16, 16), ts.recipes.ashikhmin(),
         controls=ts.Controls(angle=ts.field.swirl((16, 16), 180.0)),
     )  # fmt: skip
     assert np.array_equal(page.pixels(), (expected.image[0].permute(1, 2, 0) * 255).round().byte().numpy())
     assert page.pixels("shown-field").shape == (16, 16, 3)
 
 
-def test_two_recipes_are_compared(visit, sample):
+def test_two_recipes_are_compared(visit):
     page = visit()
-    page.use(sample[0].path, 16)
     page.tab("Compare")
     page.page.click("#recipe-b input")
     page.page.get_by_role("option", name="quilting", exact=True).click()
