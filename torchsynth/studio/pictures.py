@@ -34,6 +34,16 @@ def pixels_of(image: Float[Tensor, "channels height width"]) -> NDArray[np.uint8
     return array
 
 
+def enlarged(pixels: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
+    """A picture with every pixel as a square of so many.
+
+    Example:
+        >>> enlarged(np.array([[1, 2]], np.uint8), 2).tolist()
+        [[1, 1, 2, 2], [1, 1, 2, 2]]
+    """
+    return pixels.repeat(factor, axis=0).repeat(factor, axis=1)
+
+
 def data_url(image: Float[Tensor, "channels height width"]) -> str:
     """A picture as text that a page can hold.
 

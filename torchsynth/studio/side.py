@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
@@ -17,7 +18,7 @@ from torchsynth.samples import PREFIX, SAMPLES, sample_path
 from torchsynth.studio import notes
 from torchsynth.studio.edits import complete
 from torchsynth.studio.palette import color_at, palette, with_color
-from torchsynth.studio.pictures import pixels_of
+from torchsynth.studio.pictures import enlarged, pixels_of
 from torchsynth.studio.toolkit import gr
 from torchsynth.studio.visitor import Sample, Visitor
 from torchsynth.studio.work import read_sample, recipe_from, upload_name
@@ -26,6 +27,8 @@ from torchsynth.yaml_text import parse_yaml
 FIRST_SAMPLE = "pebbles"
 FIRST_RECIPE = "ashikhmin"
 FIRST_SHAPE = (128, 128)
+
+_SENT = 512
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,7 @@ def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr
             return {turn: count}
         image = who.sample.picture.image
         return {
-            visitor: who, turn: count + 1, shown: pixels_of(image), colors: palette(image),
+            visitor: who, turn: count + 1, shown: enlarged(pixels_of(image), _enlargement(who.sample)), colors: palette(image),
             about: _about(who.sample),
         }  # fmt: skip
 
@@ -128,13 +131,22 @@ def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr
     def add_color(who: Visitor, known: list[str], event: gr.SelectData) -> list[str]:
         if who.sample is None:
             return known
-        column, row = event.index
-        return with_color(known, color_at(who.sample.picture.image, row, column))
+        image, factor = who.sample.picture.image, _enlargement(who.sample)
+        column, row = (
+            min(int(at) // factor, side - 1)
+            for at, side in zip(event.index, reversed(who.sample.shape), strict=True)
+        )
+        return with_color(known, color_at(image, row, column))
 
     thumbnails.select(pick, [visitor, turn], outputs, show_progress="hidden")
     upload.upload(take, [visitor, turn, upload], outputs, show_progress="hidden")
     page.load(begin, [visitor, turn], outputs, show_progress="hidden")
     shown.select(add_color, [visitor, colors], colors, show_progress="hidden")
+
+
+def _enlargement(sample: Sample) -> int:
+    """Gradio reckons with pictures that are shown smaller than they are, so the sample is sent larger."""
+    return math.ceil(_SENT / max(sample.shape))
 
 
 def _about(sample: Sample) -> str:
