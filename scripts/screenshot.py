@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 from torchsynth.studio.server import serving
 
-_SIZE = {"width": 1280, "height": 800}
+_SIZE: ViewportSize = {"width": 1280, "height": 800}
 _QUALITY = 80
 _HEART = (
     (0.5, 0.32), (0.38, 0.2), (0.24, 0.22), (0.16, 0.36), (0.22, 0.52), (0.5, 0.84), (0.78, 0.52), (0.84, 0.36),
