@@ -13,11 +13,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, ViewportSize, sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
 from torchsynth.studio.server import serving
 
-_SIZE: ViewportSize = {"width": 1280, "height": 800}
 _QUALITY = 80
 _HEART = (
     (0.5, 0.32), (0.38, 0.2), (0.24, 0.22), (0.16, 0.36), (0.22, 0.52), (0.5, 0.84), (0.78, 0.52), (0.84, 0.36),
@@ -34,7 +33,9 @@ def main() -> None:
     chosen = parser.parse_args()
     with serving(port=0) as address, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=chosen.chromium, args=["--no-sandbox"])
-        page = browser.new_page(viewport=_SIZE, color_scheme="dark" if chosen.dark else "light")
+        page = browser.new_page(
+            viewport={"width": 1280, "height": 800}, color_scheme="dark" if chosen.dark else "light"
+        )
         page.goto(address)
         page.wait_for_selector("#sample img")
         paint_and_run(page)

@@ -38,8 +38,10 @@ def ashikhmin(
             one large copy from the exemplar.
         tileable: Whether the last rows see the first ones, and the first ones are visited again; an
             open boundary never tiles.
-        spare_bottom: See :class:`torchsynth.Coherence`.
-        blur_seams: See :class:`torchsynth.Recipe`.
+        spare_bottom: Take candidates near the exemplar's bottom less often. Visible effect: features there
+            are repeated less, and patches are smaller.
+        blur_seams: Blur the finished picture along the boundaries of its patches, with a kernel of so many
+            pixels, e.g. 3. None leaves every pixel a copy.
         boundary: ``torus`` or ``open``.
 
     Raises:

@@ -43,7 +43,8 @@ def improved_wl(
         levels: Pyramid levels, 1 or more.
         neighborhood: Side of the causal square, and of the square around a pixel, odd, 3 or more.
         parent: Side of the square on the next coarser level, odd.
-        operation: For ``morphology``: see :class:`torchsynth.Structure`.
+        operation: For ``morphology``: ``erode`` widens dark edges, ``dilate`` bright ones, ``auto`` the thinner
+            of both.
         size: For ``morphology``: the side of the square; the paper has 5 for all textures.
         boundary: ``torus`` or ``open``.
 

@@ -23,7 +23,8 @@ def quilting(
         overlap: How far blocks overlap, less than half a block; None means a sixth of it.
         tolerance: How much worse than the best a block may fit, as a share of its error. Larger values
             repeat less and show more seams.
-        verbatim: See :class:`torchsynth.Quilting`.
+        verbatim: Whether a block that continues its neighbors perfectly leaves no choice, as in the paper:
+            then whole regions are copied.
         boundary: ``open`` for output with borders; ``torus`` for output that tiles, of a block's side or more.
 
     Raises:

@@ -58,6 +58,7 @@ def showing(
     """A sheet with a picture on it, and nothing painted yet.
 
     Example:
+        >>> import torch
         >>> showing(torch.zeros(1, 2, 3), [])["url"][:15]
         'data:image/png;'
     """

@@ -12,7 +12,7 @@ _TABS = {
     "Fill": filling,
     "Distort": distorting,
     "Compare": comparing,
-    "Parameters": tuning,
+    "Recipe": tuning,
 }
 _TITLE = (
     "<div id='title'><h1>torchsynth studio</h1><p>Give it a small sample of a texture, get as much as you want.</p>"

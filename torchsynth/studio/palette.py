@@ -30,6 +30,7 @@ def palette(image: Float[Tensor, "channels height width"], colors: int = COLORS)
         Gonzalez 1985: one after the other, the color that is farthest from those before it.
 
     Example:
+        >>> import torch
         >>> palette(torch.tensor([[[0.0, 1.0, 1.0]]]))
         ['#000000', '#ffffff']
     """
@@ -62,6 +63,7 @@ def color_at(image: Float[Tensor, "channels height width"], row: int, column: in
     """The color of one pixel of a sample.
 
     Example:
+        >>> import torch
         >>> color_at(torch.ones(1, 2, 2), 0, 1)
         '#ffffff'
     """

@@ -124,8 +124,8 @@ def table(rows: Mapping[str, Sequence[str]], heads: Sequence[str]) -> str:
     """A table of texts, one row for each name.
 
     Example:
-        >>> table({"time": ["1 s", "2 s"]}, ["A", "B"]).count("<td>")
-        2
+        >>> table({"time": ["1 s", "2 s"]}, ["A", "B"]).count("<td>2 s</td>")
+        1
     """
     return _table_of(
         {name: [escape(one) for one in cells] for name, cells in rows.items()}, heads, "measures"

@@ -6,8 +6,8 @@ import importlib.abc
 import importlib.machinery
 import os
 import sys
-from collections.abc import Sequence
 from types import ModuleType
+from typing import Any
 
 _SLOW = "gradio.component_meta"
 
@@ -16,7 +16,10 @@ class _NoStubs(importlib.abc.MetaPathFinder):
     """Leaves out that gradio, whenever it is imported, writes stub files for editors: more than half its time."""
 
     def find_spec(
-        self, fullname: str, path: Sequence[str] | None, _target: ModuleType | None = None
+        self,
+        fullname: str,
+        path: Any,
+        _target: ModuleType | None = None,
     ) -> importlib.machinery.ModuleSpec | None:
         spec = importlib.machinery.PathFinder.find_spec(fullname, path) if fullname == _SLOW else None
         if spec is None or spec.loader is None:
