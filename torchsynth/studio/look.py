@@ -90,7 +90,7 @@ CSS = """
 .form { background: none !important; border: 0 !important; box-shadow: none !important; gap: 10px !important; overflow: visible !important; }
 .form > .block { background: none !important; border: 0 !important; padding: 0 !important; }
 .actions .form { flex-grow: 0 !important; }
-button[role=tab] { padding-inline: 9px !important; }
+.tab-container button { padding-inline: 9px !important; font-size: 14px !important; }
 button[role=tab].selected { color: var(--primary-700) !important; }
 .dark button[role=tab].selected { color: var(--primary-400) !important; }
 

@@ -18,7 +18,7 @@ class _NoStubs(importlib.abc.MetaPathFinder):
     def find_spec(
         self,
         fullname: str,
-        path: Any,
+        path: Any,  # noqa: ANN401 (as the import system has it)
         _target: ModuleType | None = None,
     ) -> importlib.machinery.ModuleSpec | None:
         spec = importlib.machinery.PathFinder.find_spec(fullname, path) if fullname == _SLOW else None
