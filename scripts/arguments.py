@@ -13,7 +13,7 @@ from pathlib import Path
 
 import torchsynth as ts
 from torchsynth.checks import check_size
-from torchsynth.jobs import parse_size
+from torchsynth.wishes import parse_size
 
 
 def size(text: str) -> tuple[int, int]:

@@ -232,7 +232,7 @@ def test_progress_counts_outputs(folder):
         ("{exemplars: [a], seeds: [-1]}", "'seeds[0]': input should be greater than or equal to 0"),
         ("{exemplars: [a], seeds: [1.5]}", "'seeds[0]': input should be a valid integer"),
         ("{exemplars: [a], sizes: [64]}", "'sizes[0]'"),
-        ("{exemplars: [a], sizes: [64xx64]}", "a size is written HxW, but it is '64xx64'"),
+        ("{exemplars: [a], sizes: [64xx64]}", "must be HxW, height and width in pixels, but it is '64xx64'"),
         ("{exemplars: [a], sizes: ['0x4']}", "'sizes[0]': input should be greater than or equal to 1"),
         ("{exemplars: [a], format: gif}", "'format': input should be 'png'"),
         ("{exemplars: [a, b], seeds: 0..99999}", "must ask for at most 100000 outputs, but they are 200000"),

@@ -10,9 +10,10 @@ import torch
 
 import torchsynth as ts
 from torchsynth import memory
-from torchsynth.jobs import Files, parse_size, run
+from torchsynth.jobs import Files, run
 from torchsynth.recipes import wei_levoy, wei_levoy_single
 from torchsynth.records import Job, load_record
+from torchsynth.wishes import parse_size
 
 TINY = wei_levoy_single(neighborhood=3)
 

@@ -45,6 +45,7 @@ from torchsynth.progress import training_bar
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES, further_pass, with_target
 from torchsynth.samples import PREFIX, SAMPLES
+from torchsynth.wishes import parse_size
 
 app = typer.Typer(
     help="Example-based texture synthesis: give a small sample, get as much texture as you want.",
@@ -148,7 +149,7 @@ def synthesize(
     job = records.Job(
         exemplar=exemplar,
         recipe=_adapted(picked, target is not None, passes, blur_seams, refine is not None),
-        size=None if size is None else jobs.parse_size(size),
+        size=None if size is None else parse_size(size),
         seeds=seeds_from(seed, count),
         valid=valid,
         initial=initial,

@@ -28,6 +28,7 @@ from torchsynth.options import (
 )
 from torchsynth.recipe import Recipe
 from torchsynth.records import Completion
+from torchsynth.wishes import parse_size
 
 ImageFile = Annotated[
     str, typer.Argument(metavar="IMAGE", help="The picture, or sample:NAME for a built-in one.")
@@ -133,7 +134,7 @@ def extend(
     job = records.Job(
         exemplar=image,
         recipe=_recipe(recipe, config_file, changes),
-        size=jobs.parse_size(size) if size is not None else jobs.size_larger_by(image, by or 0),
+        size=parse_size(size) if size is not None else jobs.size_larger_by(image, by or 0),
         seeds=seeds_from(seed, count),
         valid=sample_from,
         completion=Completion(task="extend", at=_place(at, by)),

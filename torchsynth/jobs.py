@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -139,25 +138,6 @@ def run_training(
     assert job.recipe is not None, "only completions have a usual recipe"  # noqa: S101 (for the type checker)
     codebook = train(Exemplar(pictures["exemplar"].image, valid), job.recipe, progress=progress)
     return codebook.save(output, overwrite=overwrite)
-
-
-def parse_size(text: str) -> Shape:
-    """Height and width from ``HxW``.
-
-    Raises:
-        InputError: If the text does not look like that.
-
-    Example:
-        >>> parse_size("192x256")
-        (192, 256)
-    """
-    match = re.fullmatch(r"([+-]?\d{1,100})[xX]([+-]?\d{1,100})", text.strip())
-    if match is None:
-        raise InputError(
-            "size", "must be HxW, height and width in pixels", f"it is {checks.shortened(text)}",
-            "write e.g. 256x256",
-        )  # fmt: skip
-    return int(match[1]), int(match[2])
 
 
 def size_larger_by(image: str, pixels: int) -> Shape:

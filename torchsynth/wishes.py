@@ -53,6 +53,25 @@ def check_field_word(subject: str, word: str) -> None:
         )  # fmt: skip
 
 
+def parse_size(text: str) -> Shape:
+    """Height and width from ``HxW``.
+
+    Raises:
+        InputError: If the text does not look like that.
+
+    Example:
+        >>> parse_size("192x256")
+        (192, 256)
+    """
+    match = re.fullmatch(r"([+-]?\d{1,100})[xX]([+-]?\d{1,100})", text.strip())
+    if match is None:
+        raise InputError(
+            "size", "must be HxW, height and width in pixels", f"it is {checks.shortened(text)}",
+            "write e.g. 256x256",
+        )  # fmt: skip
+    return int(match[1]), int(match[2])
+
+
 def controls_from(
     pictures: Mapping[str, Picture], words: Mapping[str, str], channels: int, size: Shape
 ) -> Controls:

@@ -11,13 +11,13 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from torchsynth.checks import shortened
 from torchsynth.errors import ConfigError
 from torchsynth.viz import KINDS
+from torchsynth.wishes import parse_size
 from torchsynth.yaml_text import YAML_SUFFIXES, config_error, read_yaml
 
 MOST = 100_000
 """The most outputs of one grid."""
 
 _RANGE = re.compile(r"\s*(\d{1,19})\s*\.\.\s*(\d{1,19})\s*")
-_SIZE = re.compile(r"\s*(\d{1,9})\s*[xX]\s*(\d{1,9})\s*")
 
 
 def _seeds(value: object) -> object:
@@ -36,12 +36,7 @@ def _seeds(value: object) -> object:
 
 
 def _size(value: object) -> object:
-    if not isinstance(value, str):
-        return value
-    match = _SIZE.fullmatch(value)
-    if match is None:
-        raise ValueError(f"a size is written HxW, but it is {shortened(value)}")
-    return int(match[1]), int(match[2])
+    return parse_size(value) if isinstance(value, str) else value
 
 
 def _kind(value: str) -> str:
