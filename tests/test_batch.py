@@ -200,6 +200,12 @@ def test_drawings(folder):
     assert "field can be drawn where there is one" in str(failure)
 
 
+def test_single_values_need_no_list():
+    grid = Grid(exemplars="a.png", recipes="ashikhmin", sizes="4x5", seeds=7, figures="patches")
+    assert (grid.exemplars, grid.recipes, grid.sizes) == (("a.png",), ("ashikhmin",), ((4, 5),))
+    assert (grid.seeds, grid.figures) == ((7,), ("patches",))
+
+
 def test_sizes_are_twice_the_exemplars_if_none_is_given(folder):
     (path,) = run_batch(Grid(exemplars=["two.png"], recipes=["ashikhmin"]), folder / "made").made
     assert ts.read_image(path).shape == (1, 24, 24)
@@ -228,15 +234,17 @@ def test_progress_counts_outputs(folder):
         ("{exemplars: [a], sedds: [1]}", "'sedds' must be a known field, but there is no such field; did you mean 'seeds'?"),
         ("{exemplars: [a], seeds: 5..3}", "seeds go from start up to stop"),
         ("{exemplars: [a], seeds: 0..100000}", "at most 100000 of them"),
-        ("{exemplars: [a], seeds: three}", "'seeds': seeds are a list or 'start..stop', but it is 'three'"),
+        ("{exemplars: [a], seeds: three}", "'seeds': seeds are a list, or a range such as 3..5, but it is 'three'"),
         ("{exemplars: [a], seeds: [-1]}", "'seeds[0]': input should be greater than or equal to 0"),
         ("{exemplars: [a], seeds: [1.5]}", "'seeds[0]': input should be a valid integer"),
-        ("{exemplars: [a], sizes: [64]}", "'sizes[0]'"),
+        ("{exemplars: [a], sizes: [64]}", "'sizes[0]': a size is written HxW, but it is 64"),
+        ("{exemplars: {a: 1}}", "'exemplars' must be a list, but it is"),
+        ("{exemplars: [a], sizes: []}", "'sizes' must have 1 or more"),
         ("{exemplars: [a], sizes: [64xx64]}", "must be HxW, height and width in pixels, but it is '64xx64'"),
         ("{exemplars: [a], sizes: ['0x4']}", "'sizes[0]': input should be greater than or equal to 1"),
         ("{exemplars: [a], format: gif}", "'format': input should be 'png'"),
         ("{exemplars: [a, b], seeds: 0..99999}", "must ask for at most 100000 outputs, but they are 200000"),
-        ("{exemplars: [a], figures: [patchs]}", "a figure is one of patches, "),
+        ("{exemplars: [a], figures: [patchs]}", "but it is 'patchs': did you mean 'patches'?"),
         ("exemplars: [a", "must be valid YAML, but line 1"),
     ],
 )  # fmt: skip

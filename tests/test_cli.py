@@ -268,5 +268,5 @@ def test_the_installed_command(make_exemplar):
     done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == (
-        "error: out.png: must not exist yet, but it does; choose another name, or allow it with overwrite\n"
+        "error: out.png: must not exist yet, but it does; choose another name, or allow it with --overwrite (overwrite=True)\n"
     )

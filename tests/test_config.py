@@ -170,7 +170,7 @@ WHOLE = {
     "levels: 1\nstructure: {size: 4, recipe: {levels: 1}}": "'structure.size': a side must be odd, but 4 is even; change it",
     "levels: 1\nstructure: {operation: smear, recipe: {levels: 1}}": "'structure.operation': input should be 'erode', 'dilate' or 'auto', but it is \"smear\"; change it",
     "levels: 3\nsweeps: [3]": "'sweeps[0]': input should be an object, but it is 3",
-    "levels: 3\nsweeps: {a: 1}": "'sweeps': input should be a valid array, but it is",
+    "levels: 3\nsweeps: {a: 1}": "'sweeps' must be a list, but it is",
     "levels: 3\nsweeps: [{layers: [{plane: result}]}]": "'sweeps[0].layers[0].template' is required",
 }
 

@@ -126,7 +126,7 @@ OUTPUTS = {
     "out": "out: must end in one of .png .tif .tiff .bmp .webp .jpg .jpeg, but it has no extension; rename",
     "out.jpg": "out.jpg: a .jpg file holds 1 or 3 channels, but the picture has 4 (alpha is one of them); write .png",
     "out.bmp": "out.bmp: a .bmp file holds 1 or 3 channels, but the picture has 4",
-    "rgb.png": "rgb.png: must not exist yet, but it does; choose another name, or allow it with overwrite",
+    "rgb.png": "rgb.png: must not exist yet, but it does; choose another name, or allow it with --overwrite (overwrite=True)",
     "no/out.png": "no/out.png: its folder must exist and be writable, but no: the system says: no such file",
     "file/out.png": "file/out.png: its folder must exist and be writable, but file: the system says: not a directory",
     "folder.png": "folder.png: must be a file name, but it is a folder; add a file name",

@@ -120,7 +120,9 @@ def synthesize(
     refine: Annotated[
         str | None,
         typer.Option(
-            metavar="FILE.npz", help="Go once more over the output with this source map (see --source-map)."
+            metavar="FILE.npz",
+            help="Go once more over the output with this source map (see --source-map), by default with "
+            "ashikhmin, or ashikhmin_target if there is a target.",
         ),
     ] = None,
     figure: Figure = None,
@@ -139,7 +141,7 @@ def synthesize(
     Beside OUT.png a record OUT.json is written; 'torchsynth rerun OUT.json' makes the same bytes again.
     With --count N the files are OUT-0.png to OUT-(N-1).png.
     """
-    usual = "wei_levoy" if target is None else "ashikhmin_target"
+    usual = "ashikhmin_target" if target is not None else "wei_levoy" if refine is None else "ashikhmin"
     if codebook is not None and target is not None:
         raise InputError(
             "--codebook", "serves the recipe it was trained for", "--target adds another layer to it",

@@ -168,6 +168,8 @@ def check_storable(path: Path, channels: int, size: tuple[int, int]) -> None:
         >>> check_storable(Path("out.png"), channels=4, size=(64, 64))
     """
     suffix = path.suffix.lower()
+    if os.path.isdir(path):
+        raise InputError(str(path), "must be a file name", "it is a folder", "add a file name")
     if suffix not in DEPTHS:
         raise InputError(
             str(path), f"must end in one of {' '.join(DEPTHS)}",
@@ -197,7 +199,10 @@ def check_writable(path: Path, *, overwrite: bool) -> None:
         raise OutputError(str(path), "must be a file name", "it is a folder", "add a file name")
     if os.path.exists(path) and not overwrite:
         raise OutputError(
-            str(path), "must not exist yet", "it does", "choose another name, or allow it with overwrite"
+            str(path),
+            "must not exist yet",
+            "it does",
+            "choose another name, or allow it with --overwrite (overwrite=True)",
         )
     temporary = _temporary(path)
     try:

@@ -135,6 +135,9 @@ def config_error(
         case "too_short":
             expectation, fact = f"{where} must have {context['min_length']} or more", "there is none"
             remedy = "add one"
+        case "tuple_type":
+            expectation, remedy = f"{where} must be a list", "write it in brackets: [...]"
+            fact = f"it is {checks.shortened(problem['input'], as_json)}"
         case _:
             fact = f"it is {checks.shortened(problem['input'], as_json)}"
             expectation, remedy = f"{where}: {message}", "change it"

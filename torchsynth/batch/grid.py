@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -12,7 +13,7 @@ from torchsynth.checks import shortened
 from torchsynth.errors import ConfigError
 from torchsynth.viz import KINDS
 from torchsynth.wishes import parse_size
-from torchsynth.yaml_text import YAML_SUFFIXES, config_error, read_yaml
+from torchsynth.yaml_text import YAML_SUFFIXES, config_error, read_yaml, suggestion
 
 MOST = 100_000
 """The most outputs of one grid."""
@@ -23,10 +24,10 @@ _RANGE = re.compile(r"\s*(\d{1,19})\s*\.\.\s*(\d{1,19})\s*")
 def _seeds(value: object) -> object:
     """``start..stop`` as the seeds from start to stop, both among them."""
     if not isinstance(value, str):
-        return value
+        return _several(value)
     match = _RANGE.fullmatch(value)
     if match is None:
-        raise ValueError(f"seeds are a list or 'start..stop', but it is {shortened(value)}")
+        raise ValueError(f"seeds are a list, or a range such as 3..5, but it is {shortened(value)}")
     start, stop = int(match[1]), int(match[2])
     if not 0 <= stop - start < MOST:
         raise ValueError(
@@ -35,13 +36,24 @@ def _seeds(value: object) -> object:
     return range(start, stop + 1)
 
 
+def _several(value: object) -> object:
+    """One value as a list of one, so that ``exemplars: sample:brick`` means what it says."""
+    return (value,) if isinstance(value, str | int) and not isinstance(value, bool) else value
+
+
 def _size(value: object) -> object:
-    return parse_size(value) if isinstance(value, str) else value
+    if isinstance(value, list | tuple):
+        return value
+    if not isinstance(value, str):
+        raise ValueError(f"a size is written HxW, but it is {shortened(value)}")
+    return parse_size(value)
 
 
 def _kind(value: str) -> str:
     if value not in KINDS:
-        raise ValueError(f"a figure is one of {', '.join(KINDS)}, but it is {shortened(value)}")
+        raise ValueError(
+            f"a figure is one of {', '.join(KINDS)}, but it is {shortened(value)}: {suggestion(value, KINDS)}"
+        )
     return value
 
 
@@ -71,13 +83,15 @@ class Grid(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    exemplars: Annotated[tuple[Text, ...], Field(min_length=1)]
-    recipes: Annotated[tuple[Text, ...], Field(min_length=1)] = ("wei_levoy",)
-    sizes: Annotated[tuple[Size, ...], Field(min_length=1)] | None = None
+    exemplars: Annotated[tuple[Text, ...], BeforeValidator(_several), Field(min_length=1)]
+    recipes: Annotated[tuple[Text, ...], BeforeValidator(_several), Field(min_length=1)] = ("wei_levoy",)
+    sizes: Annotated[Annotated[tuple[Size, ...], Field(min_length=1)] | None, BeforeValidator(_several)] = (
+        None
+    )
     seeds: Annotated[tuple[Seed, ...], BeforeValidator(_seeds), Field(min_length=1)] = (0,)
     format: Literal["png", "tif", "webp", "bmp", "jpg"] = "png"
     source_maps: bool = False
-    figures: tuple[Annotated[str, AfterValidator(_kind)], ...] = ()
+    figures: Annotated[tuple[Annotated[str, AfterValidator(_kind)], ...], BeforeValidator(_several)] = ()
 
     def __len__(self) -> int:
         return len(self.exemplars) * len(self.recipes) * len(self.sizes or (0,)) * len(self.seeds)
@@ -102,6 +116,8 @@ def load_grid(path: Path) -> Grid:
         ...     len(load_grid(path))
         8
     """
+    if os.path.isdir(path):
+        raise ConfigError(str(path), "must be a file", "it is a folder", "name a file in it")
     if path.suffix.lower() not in YAML_SUFFIXES:
         raise ConfigError(
             str(path), f"must end in one of {' '.join(YAML_SUFFIXES)}", "it does not", "rename it"

@@ -14,6 +14,7 @@ from torchsynth.viz.maps import draw_cost, draw_field, draw_patches, draw_source
 from torchsynth.viz.sheet import draw_sheet
 from torchsynth.viz.strip import draw_pyramid
 from torchsynth.viz.tree import draw_tree
+from torchsynth.yaml_text import suggestion
 
 KINDS = ("patches", "sources", "field", "cost", "coverage", "pyramid", "tree", "sheet", "animation")
 """What can be drawn; an animation is recorded with :class:`torchsynth.viz.Recorder`."""
@@ -83,7 +84,9 @@ def check_drawable(kind: str, recipe: Recipe, controls: Controls) -> None:
         >>> check_drawable("patches", recipes.ashikhmin(), Controls())
     """
     if kind not in KINDS:
-        raise InputError("figure", f"must be one of {', '.join(KINDS)}", f"it is {kind!r}", "choose one")
+        raise InputError(
+            "figure", f"must be one of {', '.join(KINDS)}", f"it is {kind!r}", suggestion(kind, KINDS)
+        )
     if kind == "patches":
         check_straight("figure patches", controls.distorts)
     if kind in _WITH_SOURCES:
