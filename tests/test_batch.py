@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -170,6 +172,39 @@ def test_a_picture_that_was_changed_is_left_alone(folder, capsys):
     assert f"0 made, {MANY - 1} there already, 1 failed" in said
     assert "must be as it was made, but it was changed since; move it away to have it made again" in said
     assert changed.read_bytes() == b"mine"
+
+
+@pytest.mark.parametrize("ending", [".npz", "-patches.png", ".json", ".png"])
+def test_an_output_is_there_with_all_its_files(folder, ending):
+    grid = Grid(exemplars="one.png", recipes="ashikhmin", sizes="7x9", source_maps=True, figures="patches")
+    (path,) = run_batch(grid, folder / "made").made
+    path.with_name(f"{path.stem}{ending}").unlink()
+    assert len(run_batch(grid, folder / "made").made) == 1
+    assert path.with_name(f"{path.stem}{ending}").is_file()
+
+
+def test_one_recipe_under_two_names_is_made_under_both(folder):
+    Path("mine.yaml").write_text(ts.dump_recipe(ts.recipes.ashikhmin()), encoding="utf-8")
+    first = Grid(exemplars="one.png", recipes="mine.yaml", sizes="7x9")
+    both = first.model_copy(update={"recipes": ("mine.yaml", "ashikhmin")})
+    run_batch(first, folder / "made")
+    report = run_batch(both, folder / "made")
+    assert (len(report.made), report.kept) == (1, 1)
+    same = both.model_copy(update={"exemplars": ("one.png", "./one.png")})
+    report = run_batch(same, folder / "made")
+    assert (len(report.made), report.kept) == (0, 2)
+
+
+def test_an_address_where_nothing_listens(folder, capsys):
+    with contextlib.closing(socket.socket()) as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    assert main(["batch", "jobs.yaml", "--out", "made", "--engine", "ray", "--ray-address", address]) == 2
+    assert (
+        f"--ray-address: must be that of a running Ray cluster, but nothing answers at {address}"
+        in capsys.readouterr().err
+    )
+    assert not (folder / "made").exists()
 
 
 def test_source_maps_and_other_formats(folder):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from typing import Any, TypeAlias
@@ -18,6 +19,7 @@ Engine: TypeAlias = Callable[[Sequence[Work]], Iterator[Outcome]]
 
 _RETRIES = 3
 _IN_FLIGHT = 2
+_PATIENCE = 5  # seconds
 
 
 def in_process(work: Sequence[Work]) -> Iterator[Outcome]:
@@ -44,6 +46,7 @@ def on_ray(address: str | None = None) -> Engine:
     """
     ray = _ray()
     if not ray.is_initialized():
+        _check_reachable(address)
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is sent anywhere
         try:
             ray.init(address=address, include_dashboard=None if address else False, log_to_driver=False)
@@ -53,6 +56,20 @@ def on_ray(address: str | None = None) -> Engine:
                 "start one with 'ray start --head', or leave the address out",
             ) from None  # fmt: skip
     return lambda work: _spread(ray, work)
+
+
+def _check_reachable(address: str | None) -> None:
+    """Whether something listens at ``HOST:PORT``: Ray itself would go on asking for minutes."""
+    host, colon, port = (address or "").rpartition(":")
+    if not colon or not port.isdigit() or "/" in host:
+        return
+    try:
+        socket.create_connection((host, int(port)), _PATIENCE).close()
+    except (OSError, OverflowError) as error:
+        raise InputError(
+            "--ray-address", "must be that of a running Ray cluster", f"nothing answers at {address} ({error})",
+            "start one with 'ray start --head', or leave the address out",
+        ) from None  # fmt: skip
 
 
 def _spread(ray: Any, work: Sequence[Work]) -> Iterator[Outcome]:  # noqa: ANN401 (an optional module)

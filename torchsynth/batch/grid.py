@@ -60,7 +60,7 @@ def _kind(value: str) -> str:
 Side: TypeAlias = Annotated[int, Field(ge=1, strict=True)]
 Size: TypeAlias = Annotated[tuple[Side, Side], BeforeValidator(_size)]
 Text: TypeAlias = Annotated[str, Field(min_length=1)]
-Seed: TypeAlias = Annotated[int, Field(ge=0, lt=2**63, strict=True)]
+Seed: TypeAlias = Annotated[int, Field(ge=0, lt=2**32, strict=True)]
 
 
 class Grid(BaseModel):

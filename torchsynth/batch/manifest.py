@@ -27,7 +27,7 @@ class Manifest:
 
     Args:
         folder: Where they are.
-        entries: For each key what was made, its file, and the file's SHA-256.
+        entries: For each key what was made, its files, and the picture's SHA-256.
     """
 
     folder: Path
@@ -73,7 +73,7 @@ class Manifest:
         """
         entry = self.entries.get(output.key) or self._left_behind(output, suffix)
         picture = None if entry is None else self._picture(entry)
-        if entry is None or picture is None:
+        if entry is None or picture is None or not self._is_whole(entry):
             return False
         if hashlib.sha256(picture).hexdigest() != entry.get("sha256"):
             raise OutputError(
@@ -95,9 +95,10 @@ class Manifest:
             OutputError: If the disk is full, or anything else keeps a file from being written.
         """
         for made in finished:
-            entry = {"file": next(iter(made.files)), "sha256": made.sha256} | made.output.about
+            names = list(made.files)
+            entry = {"file": names[0], "sha256": made.sha256, "files": names} | made.output.about
             self.entries[made.output.key] = entry
-        content = json.dumps({"format": _FORMAT, "outputs": self.entries}, indent=1)
+        content = json.dumps({"format": _FORMAT, "outputs": self.entries}, indent=1, sort_keys=True)
         with staging() as put:
             for made in finished:
                 for name, data in made.files.items():
@@ -119,9 +120,16 @@ class Manifest:
             noted = record["batch"]
             if noted["key"] != output.key:
                 return None
-            return {"file": f"{output.stem}{suffix}", "sha256": noted["sha256"]} | output.about
+            names = [*noted["files"], f"{output.stem}.json"]
+            entry = {"file": f"{output.stem}{suffix}", "sha256": noted["sha256"], "files": names}
+            return entry | output.about
         except (OSError, ValueError, KeyError, TypeError):
             return None
+
+    def _is_whole(self, entry: dict[str, Any]) -> bool:
+        """Whether its other files are there, too."""
+        names = entry.get("files")
+        return isinstance(names, list) and all((self.folder / str(name)).is_file() for name in names)
 
     def _picture(self, entry: dict[str, Any]) -> bytes | None:
         try:

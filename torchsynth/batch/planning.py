@@ -74,7 +74,19 @@ def plan(grid: Grid) -> Plan:
                 works.extend(_batches(job, name, inputs, grid))
             except TorchsynthError as error:
                 failures.append(Failure(f"{exemplar}, {name}", len(job.seeds), str(error)))
-    return Plan(tuple(works), tuple(failures))
+    return Plan(tuple(_once(works)), tuple(failures))
+
+
+def _once(works: Sequence[Work]) -> list[Work]:
+    """The batches without outputs that another one makes already: of one file under two paths, for one."""
+    seen: set[str] = set()
+    left = []
+    for work in works:
+        new = [output for output in work.outputs if output.key not in seen]
+        seen |= {output.key for output in new}
+        if new:
+            left.append(work.of(new))
+    return left
 
 
 def _batches(job: Job, name: str, inputs: Inputs, grid: Grid) -> list[Work]:
@@ -82,6 +94,7 @@ def _batches(job: Job, name: str, inputs: Inputs, grid: Grid) -> list[Work]:
     assert job.recipe is not None, "it was loaded"  # noqa: S101 (for the type checker)
     order = Order.of(job, inputs)
     decisive = {
+        "names": [_plain(job.exemplar), _plain(name)],  # they are in the files' names
         "recipe": job.recipe.plain(),
         "inputs": inputs.digests,
         "size": list(order.size),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
@@ -108,6 +108,5 @@ def _left_to_do(planned: Plan, manifest: Manifest) -> tuple[list[Work], list[Fai
             if not there:
                 missing.append(output)
         if missing:
-            seeds = tuple(output.seed for output in missing)
-            left.append(replace(work, outputs=tuple(missing), job=replace(work.job, seeds=seeds)))
+            left.append(work.of(missing))
     return left, failures, kept

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -58,6 +59,11 @@ class Work:
     source_maps: bool
     figures: tuple[str, ...]
     made_with: dict[str, str]
+
+    def of(self, outputs: Sequence[Output]) -> Work:
+        """The same for some of the outputs only."""
+        seeds = tuple(output.seed for output in outputs)
+        return replace(self, outputs=tuple(outputs), job=replace(self.job, seeds=seeds))
 
     @property
     def about(self) -> str:
@@ -155,7 +161,7 @@ def _finished(
         files[f"{output.stem}.npz"] = encode_source_map(source, (height, width))
     job = replace(work.job, seeds=(output.seed,))
     record = record_of(job, result.recipe, work.inputs.digests, order.size, output.seed)
-    record["batch"] = {"key": output.key, "sha256": digest}
+    record["batch"] = {"key": output.key, "sha256": digest, "files": list(files)}
     files[f"{output.stem}.json"] = json.dumps(record, indent=2).encode()
     return Made(output, files, digest)
 
