@@ -210,7 +210,8 @@ def test_foreign_tags_are_taken_out_and_own_ones_stay():
 # --- The command --------------------------------------------------------------------------------------------
 
 
-def test_command_serves_until_it_is_interrupted(unused_port):
+@pytest.mark.parametrize("ask", [signal.SIGINT, signal.SIGTERM])
+def test_command_serves_until_it_is_asked_to_end(unused_port, ask):
     begun = time.perf_counter()
     process = subprocess.Popen(
         [sys.executable, "-m", "torchsynth", "studio", "--port", str(unused_port)],
@@ -222,7 +223,7 @@ def test_command_serves_until_it_is_interrupted(unused_port):
     assert address in line
     with urllib.request.urlopen(address) as answer:
         assert b"torchsynth studio" in answer.read()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(ask)
     out, err = process.communicate(timeout=20)
     assert (process.returncode, out, err) == (0, "", "")
 

@@ -79,7 +79,10 @@ class _Form:
     def drawing(self, inputs: Sequence[gr.State], counter: gr.State) -> Event:
         """What draws a part of the form whenever its counter changes, and when the page is opened."""
         triggers = [_load(), counter.change]
-        render: Event = gr.render(inputs, triggers, show_progress="hidden")
+        # One at a time: both parts of the form register their events with the same page.
+        render: Event = gr.render(
+            inputs, triggers, show_progress="hidden", concurrency_id="recipe-form", concurrency_limit=1
+        )
         return render
 
     def draw_main(self, sheet: Sheet) -> None:

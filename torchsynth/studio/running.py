@@ -18,6 +18,10 @@ PAUSE = 0.2
 """Seconds between two pictures: more often, drawing them would slow down what they show."""
 
 
+_live: set[Ticket] = set()
+"""The computations of all visitors that have not ended: a thread in the middle of one would break the exit."""
+
+
 class CancelledError(Exception):
     """The visitor ended the computation."""
 
@@ -44,6 +48,10 @@ class Ticket:
         """Note that it has ended."""
         self._ended.set()
 
+    def wait(self, seconds: float) -> bool:
+        """Wait until it has ended; whether it has."""
+        return self._ended.wait(seconds)
+
     @property
     def cancelled(self) -> bool:
         """Whether it was asked to end."""
@@ -53,6 +61,20 @@ class Ticket:
     def ended(self) -> bool:
         """Whether it has ended, for whatever reason."""
         return self._ended.is_set()
+
+
+def end_all(patience: float = 5.0) -> None:
+    """End all computations, and wait until they have ended.
+
+    Args:
+        patience: Seconds to wait for each.
+
+    Example:
+        >>> end_all()
+    """
+    for ticket in tuple(_live):
+        ticket.cancel()
+        ticket.wait(patience)
 
 
 @dataclass(frozen=True)
@@ -110,6 +132,7 @@ def followed(
     """
     told: queue.SimpleQueue[Snapshot | Finished[T] | BaseException] = queue.SimpleQueue()
     reporter = _Reporter(ticket, told.put, pause)
+    _live.add(ticket)
     threading.Thread(target=_run, args=(work, reporter, ticket, told.put), daemon=True).start()
     try:
         while True:
@@ -136,6 +159,7 @@ def _run(
         tell(error)
     finally:
         ticket.end()
+        _live.discard(ticket)
 
 
 class _Reporter:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
+import logging
 import os
 import shutil
+import signal
 import socket
 import tempfile
 import threading
@@ -16,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from torchsynth.errors import InputError
 from torchsynth.io import reason
+from torchsynth.studio.running import end_all
 
 if TYPE_CHECKING:
     import uvicorn
@@ -35,7 +38,7 @@ def launch(
     max_upload: int = MOST_MEGABYTES,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Serve the studio until Ctrl-C.
+    """Serve the studio until Ctrl-C, or until the process is asked to end in another way.
 
     Args:
         host: The address to listen at. Whoever can reach it can use the studio, and this machine's time.
@@ -47,13 +50,13 @@ def launch(
     Raises:
         InputError: If gradio is missing, the port is taken, or there is no such address.
     """
-    with serving(host, port, max_upload=max_upload) as address, _until_interrupted():
+    with _asked_to_end() as asked, serving(host, port, max_upload=max_upload) as address:
         say(f"The studio is ready at {address} (Ctrl-C ends it)")
         if not is_local(host):
             say(f"note: anyone who can reach {host} can use it")
         if browser:
             webbrowser.open(address)
-        threading.Event().wait()
+        asked.wait()
 
 
 @contextlib.contextmanager
@@ -82,6 +85,8 @@ def serving(host: str = HOST, port: int | None = None, *, max_upload: int = MOST
             taken = listener.getsockname()[1]
             yield f"http://{f'[{host}]' if ':' in host else host}:{taken}/"
         finally:
+            end_all()
+            logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)  # open pages are no error
             server.should_exit = True
             thread.join(5)
 
@@ -171,6 +176,16 @@ def _own_folder() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _until_interrupted() -> Iterator[None]:
-    with contextlib.suppress(KeyboardInterrupt):
-        yield
+def _asked_to_end() -> Iterator[threading.Event]:
+    """What is set when the process is asked to end: by Ctrl-C, by ``kill``, or because its terminal is closed.
+
+    The handlers count even where a shell that started it in the background had Ctrl-C ignored.
+    """
+    asked = threading.Event()
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {name: signal.signal(getattr(signal, name), lambda *_: asked.set()) for name in names}
+    try:
+        yield asked
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
