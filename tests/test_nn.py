@@ -146,6 +146,9 @@ def test_each_picture_may_have_its_region(picture):
         assert made[number][:, ~regions[number]].equal(picture[:, ~regions[number]])
 
 
+ALL = torch.ones(24, 26, dtype=torch.bool)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -155,6 +158,13 @@ def test_each_picture_may_have_its_region(picture):
         (lambda picture: Retexture(picture)(picture), "region: must be given to the module or its call"),
         (lambda picture: Retexture(picture)(picture, torch.ones(3, 3) > 0), "region: must have the image's shape"),
         (lambda picture: Fill(hole=torch.ones(24, 26) > 0)(picture), "hole: must leave something of the picture"),
+        (lambda picture: Fill(hole=torch.ones(4, 4) > 0)(picture), "hole: must have the image's shape"),
+        (lambda picture: Fill(hole=torch.ones(24, 26))(picture), "hole: must be a boolean tensor"),
+        (lambda picture: Fill()(picture[None][:0]), "image: must have at least one pixel"),
+        (lambda picture: Retexture(picture, region=ALL)((picture * 255).byte()), "image: must be float32 or float64"),
+        (lambda picture: Retexture(picture, region=ALL)(picture[0]), "image: must have shape (C, H, W)"),
+        (lambda picture: Retexture(picture, region=ALL)(picture[:1]), "image: must have the exemplar's 3 channel(s)"),
+        (lambda picture: Retexture(picture, region=ALL.expand(3, -1, -1))(picture.expand(2, -1, -1, -1)), "region: must be one, or one for each of 2"),
     ],
 )  # fmt: skip
 def test_mistakes_are_told(picture, make, message):
@@ -188,6 +198,8 @@ def test_a_dataset_is_the_same_for_any_number_of_workers(make_exemplar):
         ({"recipes": []}, "recipes: must have at least one"),
         ({"seeds": []}, "seeds: must have at least one"),
         ({"seeds": [-1]}, "seed: must be a whole number"),
+        ({"seeds": [0, -1, 2]}, "seed: must be a whole number"),
+        ({"exemplars": "sample:brick"}, "exemplars: must be a list, but it is 'sample:brick'"),
         ({"exemplars": ["none.png"]}, "none.png: must be a readable image file"),
         ({"exemplars": [torch.rand(2, 1, 8, 8)]}, "exemplars: must be single pictures"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -53,14 +54,24 @@ class TextureDataset(Dataset[dict[str, Any]]):
     ) -> None:
         named = exemplars if isinstance(exemplars, Mapping) else {str(n): e for n, e in enumerate(exemplars)}
         self.recipes = (wei_levoy(),) if recipes is None else tuple(recipes)
+        if isinstance(exemplars, str):
+            raise InputError("exemplars", "must be a list", f"it is {exemplars!r}", f"pass [{exemplars!r}]")
+        if not isinstance(seeds, Sequence):
+            raise InputError(
+                "seeds",
+                "must be a list or a range",
+                f"it is a {type(seeds).__name__}",
+                "pass e.g. range(100)",
+            )
         for subject, some in (("exemplars", named), ("recipes", self.recipes), ("seeds", seeds)):
             if not len(some):
                 raise InputError(subject, "must have at least one", "there is none", "pass one")
         for recipe in self.recipes:
             checks.check_type(recipe, Recipe, "recipes", "pass e.g. [torchsynth.recipes.wei_levoy()]")
         self.exemplars = {name: _picture(one) for name, one in named.items()}
-        for number in (0, len(seeds) - 1):
-            checks.check_seeds(seeds[number], None)
+        ends = (seeds[0], seeds[-1]) if isinstance(seeds, range) else seeds
+        for seed in ends:
+            checks.check_seeds(seed, None)
         self.size, self.seeds, self.transform = checks.check_size(size), seeds, transform
 
     def __len__(self) -> int:
@@ -73,6 +84,7 @@ class TextureDataset(Dataset[dict[str, Any]]):
             ``image`` ``(C, H, W)``, or what ``transform`` makes of it; ``exemplar`` and ``recipe``, their numbers;
             ``name``, the exemplar's; and ``seed``.
         """
+        index = operator.index(index)
         if not -len(self) <= index < len(self):
             raise IndexError(f"there are {len(self)} textures, but the index is {index}")
         rest, seed = divmod(index % len(self), len(self.seeds))

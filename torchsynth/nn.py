@@ -128,7 +128,13 @@ class Fill(nn.Module):
 
         Args:
             image: ``(C, H, W)`` or ``(B, C, H, W)``.
+
+        Raises:
+            InputError: If it is no picture, or the hole is not of its size.
         """
+        _check_picture(image)
+        if self.hole is not None:
+            checks.check_region(self.hole, (image.shape[-2], image.shape[-1]), "hole")
         batch = image if image.ndim == 4 else image.unsqueeze(0)
         missing = batch.isnan()
         holes = missing.any(1) if self.hole is None else self.hole.expand(len(batch), -1, -1)
@@ -246,13 +252,18 @@ class Retexture(nn.Module):
         Args:
             image: ``(C, H, W)`` or ``(B, C, H, W)``.
             region: ``(H, W)`` or one for each, ``(B, H, W)``; None takes the module's own.
+
+        Raises:
+            InputError: If it is no picture of the exemplar's channels, or the region does not fit it.
         """
+        _check_picture(image)
         where = self.region if region is None else region
         if where is None:
             raise InputError(
                 "region", "must be given to the module or its call", "there is none", "pass a boolean (H, W)"
             )
         batch = image if image.ndim == 4 else image.unsqueeze(0)
+        self._check_fits(batch, where)
         height, width = batch.shape[-2:]
         for one in where if where.ndim == 3 else where.unsqueeze(0):
             checks.check_region(one, (height, width), "region")
@@ -267,6 +278,19 @@ class Retexture(nn.Module):
             result[chosen] = torch.where(inside, texture, batch[chosen])
         return result.view(image.shape)
 
+    def _check_fits(self, batch: Tensor, where: Tensor) -> None:
+        channels = self.exemplar.shape[-3]
+        if batch.shape[1] != channels:
+            raise InputError(
+                "image", f"must have the exemplar's {channels} channel(s)", f"it has {batch.shape[1]}",
+                "convert one of them",
+            )  # fmt: skip
+        if where.ndim == 3 and len(where) not in (1, len(batch)):
+            raise InputError(
+                "region", f"must be one, or one for each of {len(batch)} pictures", f"there are {len(where)}",
+                "pass them one for each picture",
+            )  # fmt: skip
+
 
 _PREFIX = "codebook_"
 
@@ -274,6 +298,12 @@ _PREFIX = "codebook_"
 def _buffer(name: str) -> str:
     """The buffer for a tensor of a codebook: names of buffers have no dots."""
     return _PREFIX + name.replace(".", "_", 1)
+
+
+def _check_picture(image: Tensor) -> None:
+    """Kind and shape only: transforms may have moved the values out of [0, 1], or marked a hole with NaN."""
+    plain = image.float() if image.is_floating_point() else image
+    checks.check_image(torch.zeros_like(plain), "image")
 
 
 def _check_single(image: Tensor, subject: str) -> None:
