@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -171,6 +172,27 @@ def test_too_much_for_a_page_is_refused_before_any_work():
     sample = work.read_sample("sample:brick", "sample:brick")
     with pytest.raises(ts.InputError, match="1,048,576 pixels, but 2000x2000 are 4,000,000"):
         work.synthesis(sample, ts.recipes.ashikhmin(), (2000, 2000), 0)
+
+
+def test_a_huge_picture_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
+    Image.new("1", (13_000, 13_000)).save(tmp_path / "huge.png")
+    monkeypatch.setattr(work, "read_picture", pytest.fail)
+    with pytest.raises(
+        ts.InputError, match=r"huge\.png: the page works with up to 1,048,576 pixels, but it has 169,000,000"
+    ):
+        work.read_upload(str(tmp_path / "huge.png"))
+
+
+def test_the_last_result_is_filled_from_itself():
+    sample = work.read_sample("sample:pebbles", "sample:pebbles")
+    made = ts.synthesize(sample.picture.image, (24, 24), ts.recipes.ashikhmin(), seed=1)
+    last = visitor.Sample("last result", replace(sample.picture, image=made.image[0]))
+    hole = torch.zeros(24, 24, dtype=torch.bool)
+    hole[8:12, 8:12] = True
+    wanted = work.filling(last, hole, None, 0)
+    filled = wanted.make(lambda *_: None)
+    assert wanted.sample is last
+    assert filled.transfer(made.image[0]).equal(filled.image)
 
 
 def test_one_more_pass_is_one_more():

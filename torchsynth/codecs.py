@@ -95,6 +95,24 @@ def decode(data: bytes) -> tuple[Pixels, Depth]:
     return shaped, depths[shaped.dtype.name]
 
 
+def pixels_in_header(file: io.BufferedIOBase) -> int | None:
+    """How many pixels an image file says it has, without decoding it; None if it does not say.
+
+    Example:
+        >>> pixels_in_header(io.BytesIO(encode(np.zeros((2, 3, 1), np.uint8), ".png", "8-bit")))
+        6
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            with Pillow.open(file) as image:
+                return image.width * image.height
+        except Pillow.DecompressionBombError:
+            return 2 * (Pillow.MAX_IMAGE_PIXELS or 0)  # it has more, which Pillow does not tell
+        except Exception:
+            return None
+
+
 def encode(pixels: Pixels, suffix: str, depth: Depth) -> bytes:
     """An image file as bytes.
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from torchsynth import checks, config
 from torchsynth._typing import Region
+from torchsynth.codecs import pixels_in_header
 from torchsynth.completion import fill
 from torchsynth.controls import Controls
 from torchsynth.errors import InputError
@@ -87,10 +87,24 @@ def read_upload(path: str, name: str | None = None) -> Picture:
         >>> read_upload("sample:brick").depth
         '8-bit'
     """
+    _check_header(path, name or upload_name(path))
     try:
         return read_picture(path)
     except InputError as error:  # where it was put tells a visitor nothing
         raise InputError(name or upload_name(path), error.expectation, error.fact, error.remedy) from None
+
+
+def _check_header(path: str, name: str) -> None:
+    """Refuse what is too large before it is decoded: a small file can hold gigabytes."""
+    if not os.path.isfile(path):
+        return  # a built-in sample
+    with open(path, "rb") as file:
+        pixels = pixels_in_header(file)
+    if pixels is not None and pixels > MOST_PIXELS:
+        raise InputError(
+            name, f"the page works with up to {MOST_PIXELS:,} pixels", f"it has {pixels:,} or more",
+            "use the command line for more",
+        )  # fmt: skip
 
 
 def recipe_from(data: Mapping[str, Any]) -> Recipe:
@@ -182,14 +196,24 @@ def one_more_pass(made: Result, sample: Sample, seed: int, controls: Controls) -
     )
 
 
-def filling(sample: Sample, image: torch.Tensor, hole: Region, recipe: Recipe | None, seed: int) -> Work:
-    """A hole of a picture filled from the rest of it."""
-    height, width = image.shape[-2:]
-    check_pixels((height, width), "picture")
+def filling(picture: Sample, hole: Region, recipe: Recipe | None, seed: int) -> Work:
+    """A hole of a picture filled from the rest of it.
+
+    Args:
+        picture: The picture, which is its own sample.
+        hole: True where it is filled.
+        recipe: How; None means as fits.
+        seed: Which of many.
+
+    Raises:
+        InputError: If it is too large for the page.
+    """
+    check_pixels(picture.shape, "picture")
+    image = picture.picture.image
     return Work(
-        sample,
+        picture,
         recipe if recipe is not None else config.load_recipe("coherent_fill"),
-        (height, width),
+        picture.shape,
         lambda progress: fill(image, hole, recipe=recipe, seed=seed, progress=progress),
         Controls(initial=image, hole=hole),
         painted=True,

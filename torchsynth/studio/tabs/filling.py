@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
-
-import torch
 
 from torchsynth.config import load_recipe
 from torchsynth.errors import InputError
@@ -39,9 +38,9 @@ def build(asked: side.Side, shown: Stage) -> None:
         visitor: Visitor, recipe: dict[str, Any], seed: int | None, which: str, name: str, painted: str | None
     ) -> Iterator[Updates]:
         def plan(sample: Sample) -> Work:
-            image = _picture(visitor, sample, which)
-            hole = region_of(layer_of(painted, (image.shape[1], image.shape[2]), "hole"))
-            return filling(sample, image, hole, _recipe(name, recipe), seed or 0)
+            picture = _picture(visitor, sample, which)
+            hole = region_of(layer_of(painted, picture.shape, "hole"))
+            return filling(picture, hole, _recipe(name, recipe), seed or 0)
 
         yield from stage.asked(shown, visitor, plan)
 
@@ -49,11 +48,11 @@ def build(asked: side.Side, shown: Stage) -> None:
         if visitor.sample is None:
             return gr.HTML()
         try:
-            image = _picture(visitor, visitor.sample, which)
+            picture = _picture(visitor, visitor.sample, which)
         except InputError as error:
             gr.Warning(str(error))
-            image = visitor.sample.picture.image
-        return editors.on(editors.showing(image, editors.HOLE_COLORS))
+            picture = visitor.sample
+        return editors.on(editors.showing(picture.picture.image, editors.HOLE_COLORS))
 
     stage.on_click(
         run, make, [asked.visitor, asked.recipe, asked.seed, picture, chosen, editor], shown.outputs
@@ -63,12 +62,14 @@ def build(asked: side.Side, shown: Stage) -> None:
     )
 
 
-def _picture(visitor: Visitor, sample: Sample, which: str) -> torch.Tensor:
+def _picture(visitor: Visitor, sample: Sample, which: str) -> Sample:
+    """What is filled, which is its own sample: its pixels come from nowhere else."""
     if which == _PICTURES[0]:
-        return sample.picture.image
+        return sample
     if visitor.made is None:
         raise InputError("picture", "must be there", "nothing was made yet", "fill the sample instead")
-    return visitor.made.result.image[0]
+    made = visitor.made
+    return Sample("last result", replace(made.sample.picture, image=made.result.image[0]))
 
 
 def _recipe(name: str, own: dict[str, Any]) -> Recipe | None:

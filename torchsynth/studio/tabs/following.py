@@ -78,4 +78,11 @@ def _wish(sample: Sample, painted: str | None, size: Shape) -> Controls:
 def _made(visitor: Visitor) -> Made:
     if visitor.made is None:
         raise InputError("pass", "needs an output to go over", "there is none yet", "make a first pass")
+    if visitor.made.controls.hole is not None:
+        raise InputError(
+            "pass",
+            "goes over a whole output",
+            "the last one is a picture that was filled",
+            "make a first pass",
+        )
     return visitor.made
