@@ -520,6 +520,21 @@ def test_a_large_file_is_refused(visit, tmp_path):
     assert "sample:pebbles" in page.page.inner_text("#about-sample")
 
 
+@pytest.mark.parametrize(
+    ("field", "typed", "fact"),
+    [("height", "12.5", "it is 12.5"), ("width", "-3", "it is -3"), ("height", "", "it is empty"), ("seed", "-1", "it is -1")],
+)  # fmt: skip
+def test_a_number_that_cannot_be_is_told_by_its_field(visit, capfd, field, typed, fact):
+    page = visit()
+    page.page.fill(f"#{field} input", typed)
+    page.page.press(f"#{field} input", "Tab")
+    said = page.run("synthesize", "failed")
+    assert said.startswith(f"{field.capitalize()}: must be a whole number from ")
+    assert fact in said
+    assert page.page.locator(".toast-body").count() == 1
+    assert capfd.readouterr().err == ""
+
+
 def test_two_visitors_do_not_mix(visit, sample):
     one, other = visit(), visit()
     one.use(sample[0].path)

@@ -11,7 +11,6 @@ from typing import Any
 
 from torchsynth.config import dump_recipe, load_recipe, parse_recipe
 from torchsynth.errors import ConfigError, TorchsynthError
-from torchsynth.lattice import Shape
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
 from torchsynth.samples import PREFIX, SAMPLES, sample_path
@@ -72,19 +71,11 @@ def build(page: gr.Blocks) -> Side:
     notes.section("Output")
     with gr.Row():
         height, width, seed = (
-            gr.Number(value, label=label, precision=0, minimum=least, min_width=70, elem_id=label.lower())
-            for label, value, least in (
-                ("Height", FIRST_SHAPE[0], 1),
-                ("Width", FIRST_SHAPE[1], 1),
-                ("Seed", 0, 0),
-            )
+            # No limits: see .numbers, which checks what is typed here.
+            gr.Number(value, label=label, min_width=70, elem_id=label.lower())
+            for label, value in (("Height", FIRST_SHAPE[0]), ("Width", FIRST_SHAPE[1]), ("Seed", 0))
         )
     return Side(visitor, recipe, colors, turn, height, width, seed)
-
-
-def asked_size(height: int | None, width: int | None) -> Shape:
-    """The size in the two fields; what is missing is 0, and told by whoever is asked for that size."""
-    return height or 0, width or 0
 
 
 def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr.State) -> None:

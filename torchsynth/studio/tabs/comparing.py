@@ -11,6 +11,7 @@ from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
 from torchsynth.result import Result
 from torchsynth.studio import comparison, notes, side, stage
+from torchsynth.studio.numbers import Number, asked_seed, asked_size
 from torchsynth.studio.pictures import bar, pixels_of, table
 from torchsynth.studio.running import CancelledError, Finished, followed
 from torchsynth.studio.stage import Stage, Updates, said_of
@@ -46,17 +47,17 @@ def build(asked: side.Side, shown: Stage) -> None:
     def make(
         visitor: Visitor,
         recipe: dict[str, Any],
-        height: int | None,
-        width: int | None,
-        seed: int | None,
+        height: Number,
+        width: Number,
+        seed: Number,
         *names: str,
     ) -> Iterator[Updates]:
         if visitor.sample is None:
             return
         try:
             recipes = [_named(name, recipe) for name in names]
-            size = side.asked_size(height, width)
-            works = [synthesis(visitor.sample, one, size, seed or 0) for one in recipes]
+            size = asked_size(height, width)
+            works = [synthesis(visitor.sample, one, size, asked_seed(seed)) for one in recipes]
         except TorchsynthError as error:
             gr.Warning(str(error))
             yield {shown.bar: bar(str(error), 0.0, "failed")}

@@ -14,6 +14,7 @@ from torchsynth.errors import InputError, TorchsynthError
 from torchsynth.field import MAKERS
 from torchsynth.lattice import Shape
 from torchsynth.studio import editors, notes, side, stage
+from torchsynth.studio.numbers import Number, asked_seed, asked_size, paper_size
 from torchsynth.studio.painting import field_of, layer_of
 from torchsynth.studio.stage import Stage, Updates
 from torchsynth.studio.toolkit import gr
@@ -59,20 +60,24 @@ def build(asked: side.Side, shown: Stage) -> None:
         editor = editors.canvas("field", editors.blank(side.FIRST_SHAPE, editors.GRAYS))
 
     def make(
-        visitor: Visitor, recipe: dict[str, Any], height: int | None, width: int | None, seed: int | None, painted: str | None,
+        visitor: Visitor, recipe: dict[str, Any], height: Number, width: Number, seed: Number, painted: str | None,
         *given: str,
     ) -> Iterator[Updates]:  # fmt: skip
         def plan(sample: Sample) -> Work:
-            size = side.asked_size(height, width)
+            size = asked_size(height, width)
             fields = _Fields(visitor, size, painted)
             for number, subject in enumerate(FIELDS):
                 fields.add(subject, given[2 * number], given[2 * number + 1])
             return distortion(
-                sample, recipe_from(recipe), size, seed or 0, fields.controls(), fields.words,
+                sample, recipe_from(recipe), size, asked_seed(seed), fields.controls(), fields.words,
                 painted=fields.painted,
             )  # fmt: skip
 
         yield from stage.asked(shown, visitor, plan)
+
+    def prepare(height: Number, width: Number) -> gr.HTML:
+        size = paper_size(height, width)
+        return gr.HTML() if size is None else editors.on(editors.blank(size, editors.GRAYS))
 
     makers = [one.maker for one in choices]
     texts = [one for choice in choices for one in (choice.maker, choice.numbers)]
@@ -84,9 +89,7 @@ def build(asked: side.Side, shown: Stage) -> None:
     )  # fmt: skip
     gr.on(
         [asked.height.change, asked.width.change],
-        lambda height, width: editors.on(
-            editors.blank(editors.paper_size(*side.asked_size(height, width)), editors.GRAYS)
-        ),
+        prepare,
         [asked.height, asked.width], editor, show_progress="hidden",
     )  # fmt: skip
 
