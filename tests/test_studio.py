@@ -485,7 +485,7 @@ def test_a_field_is_chosen_and_drawn(visit, sample):
     page.tab("Distort")
     page.run("distort")
     expected = ts.synthesize(
-        sample[0].picture.image, (16, 16), ts.recipes.ashikhmin(),
+        sample[0].picture.image, (16, 16), ts.recipes.distorted(levels=2),
         controls=ts.Controls(angle=ts.field.swirl((16, 16), 180.0)),
     )  # fmt: skip
     assert np.array_equal(page.pixels(), (expected.image[0].permute(1, 2, 0) * 255).round().byte().numpy())
@@ -541,6 +541,70 @@ def test_a_large_file_is_refused(visit, tmp_path):
     page.upload(file)
     page.told("maximum")
     assert "sample:pebbles" in page.page.inner_text("#about-sample")
+
+
+def test_yaml_counts_as_soon_as_the_editor_is_left(visit):
+    page = visit()
+    page.page.click("#yaml-panel button")
+    page.page.click("#yaml .cm-content")
+    page.page.keyboard.press("Control+A")
+    page.page.keyboard.insert_text(ts.dump_recipe(ts.recipes.ashikhmin().changed(name="typed")))
+    page.page.wait_for_selector("#pending-yaml:has-text('not applied yet')")
+    assert "typed" in page.run("synthesize")
+    page.page.wait_for_selector("#pending-yaml:not(:has-text('not applied'))", state="attached")
+    page.page.click("#yaml .cm-content")
+    page.page.keyboard.press("Control+A")
+    page.page.keyboard.insert_text("levels: many")
+    page.tab("Target")
+    page.page.wait_for_selector("#pending-yaml:has-text('Not applied. YAML')")
+    assert 'it is "many"' in page.page.inner_text("#pending-yaml")
+
+
+def test_a_painting_stays_in_another_size_and_its_output_has_no_record(visit, sample):
+    page = visit()
+    page.use(sample[0].path)
+    page.tab("Target")
+    page.page.wait_for_selector("#target .swatch")
+    page.paint("target", (0.0, 0.5), (0.99, 0.5))
+    for typed, rows in (("4", 4), ("48", 48)):
+        page.page.fill("#height input", typed)
+        page.page.wait_for_function(f"document.querySelector('#target canvas').height === {rows}")
+    share = page.page.evaluate(
+        """() => {
+            const layer = document.querySelector("#target canvas");
+            const data = layer.getContext("2d").getImageData(0, 0, layer.width, layer.height).data;
+            return data.filter((_, index) => index % 4 === 3 && data[index] === 255).length / layer.width / layer.height;
+        }"""
+    )
+    assert 0.2 < share < 0.5  # eight of 24 rows
+    page.run("first-pass")
+    assert page.pixels().shape == (48, 24, 3)
+    page.page.wait_for_selector("#missing:has-text('No record')")
+
+
+def test_a_recipe_that_needs_more_says_where_that_is_given(visit):
+    page = visit()
+    page.recipe("coherent_fill")
+    assert "use the Fill tab" in page.run("synthesize", "failed")
+    page.tab("Compare")
+    assert page.page.input_value("#recipe-b input") == "wei_levoy"
+    page.recipe("wei_levoy")
+    page.page.wait_for_function("document.querySelector('#recipe-b input').value === 'ashikhmin'")
+
+
+@pytest.mark.parametrize(
+    ("field", "typed", "fact"),
+    [("height", "12.5", "it is 12.5"), ("width", "-3", "it is -3"), ("height", "", "it is empty"), ("seed", "-1", "it is -1")],
+)  # fmt: skip
+def test_a_number_that_cannot_be_is_told_by_its_field(visit, capfd, field, typed, fact):
+    page = visit()
+    page.page.fill(f"#{field} input", typed)
+    page.page.press(f"#{field} input", "Tab")
+    said = page.run("synthesize", "failed")
+    assert said.startswith(f"{field.capitalize()}: must be a whole number from ")
+    assert fact in said
+    assert page.page.locator(".toast-body").count() == 1
+    assert capfd.readouterr().err == ""
 
 
 def test_two_visitors_do_not_mix(visit, sample):

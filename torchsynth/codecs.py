@@ -95,7 +95,7 @@ def decode(data: bytes) -> tuple[Pixels, Depth]:
     return shaped, depths[shaped.dtype.name]
 
 
-def pixels_in_header(file: io.BufferedIOBase) -> int | None:
+def pixels_in_header(file: io.BytesIO | io.BufferedReader) -> int | None:
     """How many pixels an image file says it has, without decoding it; None if it does not say.
 
     Example:

@@ -20,7 +20,6 @@ HOLE_COLORS = ["#e0218a"]
 
 GRAYS = ["#000000", "#404040", "#808080", "#bfbfbf", "#ffffff"]
 
-_MOST = 1024
 _TEMPLATE = "<div class='painter'><div class='painter-tools'></div><div class='painter-paper'></div></div>"
 
 
@@ -69,13 +68,3 @@ def showing(
 def on(sheet: Sheet) -> gr.HTML:
     """The canvas with another sheet. If only its colors are others, what was painted stays."""
     return gr.HTML(sheet=sheet)
-
-
-def paper_size(rows: int, columns: int) -> Shape:
-    """A size that can be shown, while another one may still be being typed.
-
-    Example:
-        >>> paper_size(0, 64)
-        (1, 64)
-    """
-    return min(max(rows, 1), _MOST), min(max(columns, 1), _MOST)

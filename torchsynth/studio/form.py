@@ -79,10 +79,8 @@ class _Form:
     def drawing(self, inputs: Sequence[gr.State], counter: gr.State) -> Event:
         """What draws a part of the form whenever its counter changes, and when the page is opened."""
         triggers = [_load(), counter.change]
-        # One at a time: both parts of the form register their events with the same page.
-        render: Event = gr.render(
-            inputs, triggers, show_progress="hidden", concurrency_id="recipe-form", concurrency_limit=1
-        )
+        # Gradio notes the listeners of both parts in one place, and fails where two are drawn at the same time.
+        render: Event = gr.render(inputs, triggers, show_progress="hidden", **_ALONE)
         return render
 
     def draw_main(self, sheet: Sheet) -> None:
@@ -200,13 +198,9 @@ class _Form:
         return updates
 
 
-_QUIET: dict[str, Any] = {
-    "show_progress": "hidden",
-    "api_visibility": "private",
-    # One at a time: two events that begin with the same sheet would undo each other.
-    "concurrency_id": "recipe-form",
-    "concurrency_limit": 1,
-}
+# One at a time: two events that begin with the same sheet would undo each other.
+_ALONE: dict[str, Any] = {"concurrency_id": "recipe-form", "concurrency_limit": 1}
+_QUIET: dict[str, Any] = {"show_progress": "hidden", "api_visibility": "private", **_ALONE}
 
 
 def told(error: ConfigError) -> str:

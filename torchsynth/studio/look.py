@@ -128,6 +128,7 @@ button[role=tab].selected { color: var(--primary-700) !important; }
 #status { position: fixed; left: 0; right: 0; bottom: 0; z-index: 20; align-items: center; flex-wrap: nowrap; gap: 16px;
   padding: 10px max(20px, calc(50vw - 730px)) 10px; background: var(--body-background-fill);
   border-top: 1px solid var(--block-border-color); }
+#status:has(.bar:not(.running)) #cancel { opacity: .45; pointer-events: none; }
 .bar { height: 6px; border-radius: 3px; background: var(--neutral-200); overflow: hidden; }
 .dark .bar { background: var(--neutral-800); }
 .bar .done { height: 100%; background: var(--primary-600); border-radius: 3px; transition: width .15s linear; }
@@ -137,7 +138,8 @@ button[role=tab].selected { color: var(--primary-700) !important; }
 .said.failed { color: #b42318; }
 .dark .said.failed { color: #f97066; }
 
-#pyramids { overflow-x: auto; }
+#levels, #levels > *, #pyramids { min-width: 0 !important; max-width: 100%; }
+#pyramids { overflow-x: auto !important; }
 table.pyramids, table.measures { border: 0 !important; }
 table.pyramids { border-collapse: separate; border-spacing: 0; margin: 0; }
 table.pyramids :is(th, td) { font-weight: 500; font-size: 12px; text-align: left; padding: 0 12px 8px 0; border: 0;
@@ -150,9 +152,11 @@ table.pyramids img, .waiting { display: block; max-width: none; width: 132px; he
 .dark .waiting { background: var(--neutral-800); }
 table.pyramids figcaption { font-size: 11px; font-variant-numeric: tabular-nums; margin: 2px 0 0; }
 
-table.measures { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; width: 100%; }
-table.measures :is(th, td) { padding: 6px 12px 6px 0; border: 0; border-bottom: 1px solid var(--block-border-color);
+#measures { overflow-x: auto; }
+table.measures { border-collapse: collapse; margin: 4px 0 0; font-size: 13px; font-variant-numeric: tabular-nums; width: 100%; }
+table.measures :is(th, td) { padding: 7px 16px 7px 0; border: 0 !important; border-bottom: 1px solid var(--block-border-color) !important;
   text-align: left; color: var(--body-text-color); }
+table.measures, table.measures :is(thead, tbody, tr) { border: 0 !important; }
 table.measures th { font-weight: 500; color: var(--body-text-color-subdued); }
 footer { display: none !important; }
 """

@@ -6,6 +6,8 @@ const layer = document.createElement("canvas");
 const ink = layer.getContext("2d", { willReadFrequently: true });
 let color = null, erasing = false, size = 8, last = null;
 const past = [];
+// What was painted by hand: other sizes are made from it, so that nothing is lost while a size is being typed.
+const original = document.createElement("canvas");
 
 const make = (tag, attributes, ...children) => {
   const made = Object.assign(document.createElement(tag), attributes);
@@ -37,7 +39,14 @@ const stroke = (event) => {
   last = [x, y];
 };
 
+const remembered = () => {
+  original.width = layer.width;
+  original.height = layer.height;
+  original.getContext("2d").drawImage(layer, 0, 0);
+};
+
 const send = () => {
+  remembered();
   props.value = layer.toDataURL("image/png");
   mount();
 };
@@ -115,24 +124,34 @@ const begin = () => {
   mount();
 };
 
+// The same paper in another size keeps what was painted on it; no soft edges here either.
+const rescale = () => {
+  ink.imageSmoothingEnabled = false;
+  ink.drawImage(original, 0, 0, layer.width, layer.height);
+  props.value = layer.toDataURL("image/png");
+};
+
 let paper = null;
 const follow = () => {
   const { colors, ...wanted } = props.sheet;
   if (!colors.includes(color)) color = colors[0] ?? "#808080";
-  if (JSON.stringify(wanted) === paper) return mount();
-  const fresh = paper !== null;
-  paper = JSON.stringify(wanted);
+  if (JSON.stringify(wanted) === JSON.stringify(paper)) return mount();
+  const before = paper;
+  paper = wanted;
   begin();
-  if (fresh) {
-    props.value = "";
-    mount();
-  }
+  if (before === null) return;
+  if (before.url === wanted.url && props.value) rescale();
+  else props.value = "";
+  mount();
 };
 
 const kept = props.value;
 follow();
 if (kept) {
   const image = make("img", { src: kept });
-  image.onload = () => ink.drawImage(image, 0, 0);
+  image.onload = () => {
+    ink.drawImage(image, 0, 0);
+    remembered();
+  };
 }
 watch("sheet", follow);

@@ -11,7 +11,6 @@ from typing import Any
 
 from torchsynth.config import dump_recipe, load_recipe, parse_recipe
 from torchsynth.errors import ConfigError, TorchsynthError
-from torchsynth.lattice import Shape
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
 from torchsynth.samples import PREFIX, SAMPLES, sample_path
@@ -29,6 +28,7 @@ FIRST_RECIPE = "ashikhmin"
 FIRST_SHAPE = (128, 128)
 
 _SENT = 512
+_PENDING = "<div class='hint'>This text is not applied yet.</div>"
 
 
 @dataclass(frozen=True)
@@ -72,19 +72,11 @@ def build(page: gr.Blocks) -> Side:
     notes.section("Output")
     with gr.Row():
         height, width, seed = (
-            gr.Number(value, label=label, precision=0, minimum=least, min_width=70, elem_id=label.lower())
-            for label, value, least in (
-                ("Height", FIRST_SHAPE[0], 1),
-                ("Width", FIRST_SHAPE[1], 1),
-                ("Seed", 0, 0),
-            )
+            # No limits: see .numbers, which checks what is typed here.
+            gr.Number(value, label=label, min_width=70, elem_id=label.lower())
+            for label, value in (("Height", FIRST_SHAPE[0]), ("Width", FIRST_SHAPE[1]), ("Seed", 0))
         )
     return Side(visitor, recipe, colors, turn, height, width, seed)
-
-
-def asked_size(height: int | None, width: int | None) -> Shape:
-    """The size in the two fields; what is missing is 0, and told by whoever is asked for that size."""
-    return height or 0, width or 0
 
 
 def _build_sample(page: gr.Blocks, visitor: gr.State, colors: gr.State, turn: gr.State) -> None:
@@ -165,6 +157,11 @@ def _build_recipe(page: gr.Blocks, visitor: gr.State, recipe: gr.State) -> None:
     )
     about = notes.html(_described(first), "about-recipe")
     with gr.Accordion("As YAML", open=False, elem_id="yaml-panel"):
+        with gr.Row():
+            apply = gr.Button("Apply", size="sm", elem_id="apply-yaml", min_width=80)
+            load = gr.UploadButton("Load a file", size="sm", elem_id="load-yaml", min_width=80)
+            save = gr.DownloadButton("Download", size="sm", elem_id="save-yaml", min_width=80)
+        pending = notes.html("", "pending-yaml")
         text = gr.Code(
             dump_recipe(first),
             language="yaml",
@@ -173,31 +170,40 @@ def _build_recipe(page: gr.Blocks, visitor: gr.State, recipe: gr.State) -> None:
             max_lines=24,
             interactive=True,
         )
-        with gr.Row():
-            apply = gr.Button("Apply", size="sm", elem_id="apply-yaml", min_width=80)
-            load = gr.UploadButton("Load a file", size="sm", elem_id="load-yaml", min_width=80)
-            save = gr.DownloadButton("Download", size="sm", elem_id="save-yaml", min_width=80)
+    drawn = gr.State(dump_recipe(first))
 
     def pick(name: str) -> dict[str, Any]:
         return complete(load_recipe(name))
 
-    def read(written: str, present: dict[str, Any]) -> dict[str, Any]:
-        return _or_warn(lambda: parse_recipe(parse_yaml(written, "YAML"), "YAML"), present)
+    def read(written: str) -> dict[Any, Any]:
+        try:
+            return {recipe: complete(parse_recipe(parse_yaml(written, "YAML"), "YAML")), pending: ""}
+        except TorchsynthError as error:
+            return {pending: f"<p class='recipe-error'>Not applied. {escape(str(error))}</p>"}
+
+    def leave(written: str, known: str) -> dict[Any, Any]:
+        return {pending: ""} if written == known else read(written)
 
     def load_file(path: str, present: dict[str, Any]) -> dict[str, Any]:
         return _or_warn(lambda: _loaded(path), present)
 
-    def show(who: Visitor, data: dict[str, Any]) -> tuple[str, str, str]:
+    def show(who: Visitor, data: dict[str, Any]) -> tuple[str, str, str, str, str]:
         made = recipe_from(data)
         file = who.files("recipe") / f"{made.name.replace(' ', '-').replace('/', '-')}.yaml"
         file.write_text(dump_recipe(made), encoding="utf-8")
-        return dump_recipe(made), _described(made), str(file)
+        return dump_recipe(made), dump_recipe(made), _described(made), str(file), ""
 
     chosen.input(pick, chosen, recipe, show_progress="hidden")
-    apply.click(read, [text, recipe], recipe, show_progress="hidden")
+    apply.click(read, text, [recipe, pending], show_progress="hidden")
+    # Whatever is pressed next, the editor is left first. No queue, so that this is done before that begins.
+    text.blur(leave, [text, drawn], [recipe, pending], show_progress="hidden", queue=False)
+    text.input(
+        lambda written, known: "" if written == known else _PENDING,
+        [text, drawn], pending, show_progress="hidden", queue=False, trigger_mode="always_last",
+    )  # fmt: skip
     load.upload(load_file, [load, recipe], recipe, show_progress="hidden")
     for event in (recipe.change, page.load):
-        event(show, [visitor, recipe], [text, about, save], show_progress="hidden")
+        event(show, [visitor, recipe], [text, drawn, about, save, pending], show_progress="hidden")
 
 
 def _or_warn(read: Callable[[], Recipe], present: dict[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -22,8 +22,12 @@ from torchsynth.viz import draw_field
 Updates: TypeAlias = dict[Any, Any]
 """What the page shall show, by component."""
 
-IDLE = "Choose a sample and a recipe, then press Synthesize."
+IDLE = "Nothing was made yet: choose a sample and a recipe, then what to make of them."
 KINDS = {"image": "Image", "source_map": "Source map", "recipe": "Recipe", "record": "Record"}
+_REASONS = {
+    "source_map": "No source map: the output does not consist of copies",
+    "record": "No record: what was painted is in no file",
+}
 
 
 @dataclass(frozen=True)
@@ -36,12 +40,14 @@ class Stage:
     pyramids: gr.HTML
     downloads: dict[str, gr.DownloadButton]
     drawing: gr.Image
+    missing: gr.HTML
 
     @property
     def outputs(self) -> list[Any]:
         """All that a computation may change."""
         return [
-            self.visitor, self.bar, self.result, self.pyramids, self.drawing, *self.downloads.values(),
+            self.visitor, self.bar, self.result, self.pyramids, self.drawing, self.missing,
+            *self.downloads.values(),
         ]  # fmt: skip
 
 
@@ -63,6 +69,7 @@ def build(visitor: gr.State) -> Stage:
                 )
                 for kind, label in KINDS.items()
             }
+        missing = notes.html("", name="missing")
     with gr.Column(elem_id="levels"):
         notes.section("Level by level")
         pyramids = notes.html("", name="pyramids")
@@ -74,7 +81,7 @@ def build(visitor: gr.State) -> Stage:
         return bar("Cancelling", 0.0, "cancelled") if who.cancel() else gr.skip()
 
     cancel.click(end, visitor, shown, queue=False, show_progress="hidden")
-    return Stage(visitor, shown, result, pyramids, downloads, drawing)
+    return Stage(visitor, shown, result, pyramids, downloads, drawing, missing)
 
 
 def perform(stage: Stage, visitor: Visitor, work: Work) -> Iterator[Updates]:
@@ -146,11 +153,18 @@ def _finished(stage: Stage, visitor: Visitor, work: Work, news: Finished[Result]
     yield {
         stage.visitor: visitor,
         stage.pyramids: pyramids.html(),
+        stage.missing: _missing(files),
         **{
             button: gr.DownloadButton(value=files.get(kind), interactive=kind in files)
             for kind, button in stage.downloads.items()
         },
     }
+
+
+def _missing(files: Mapping[str, str]) -> str:
+    """Why some of the buttons are gray."""
+    reasons = "; ".join(reason for kind, reason in _REASONS.items() if kind not in files)
+    return f"<div class='hint'>{reasons}</div>" if reasons else ""
 
 
 def asked(stage: Stage, visitor: Visitor, plan: Callable[[Sample], Work]) -> Iterator[Updates]:

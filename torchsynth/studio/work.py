@@ -22,6 +22,7 @@ from torchsynth.recipe import Recipe
 from torchsynth.recipes import further_pass, with_target
 from torchsynth.refining import refine
 from torchsynth.result import Result
+from torchsynth.studio.purposes import check_purpose
 from torchsynth.studio.visitor import Sample
 from torchsynth.synthesis import Progress, synthesize
 
@@ -127,10 +128,11 @@ def synthesis(
     """Plain synthesis, or with controls.
 
     Raises:
-        InputError: If it is too large for the page, or for this machine.
+        InputError: If it is too large for the page, or for this machine, or the recipe needs more.
     """
     controls = controls or Controls()
     check_pixels(size, "size")
+    check_purpose(recipe, controls)
     check_memory(recipe, Exemplar(sample.picture.image), size, 1)
     return Work(
         sample,

@@ -13,8 +13,11 @@ from torchsynth.controls import Controls
 from torchsynth.errors import InputError, TorchsynthError
 from torchsynth.field import MAKERS
 from torchsynth.lattice import Shape
+from torchsynth.recipe import Recipe
 from torchsynth.studio import editors, notes, side, stage
+from torchsynth.studio.numbers import Number, asked_seed, asked_size, paper_size
 from torchsynth.studio.painting import field_of, layer_of
+from torchsynth.studio.purposes import distorted_as_fits
 from torchsynth.studio.stage import Stage, Updates
 from torchsynth.studio.toolkit import gr
 from torchsynth.studio.visitor import Sample, Visitor
@@ -22,6 +25,8 @@ from torchsynth.studio.work import Work, distortion, read_upload, recipe_from, u
 from torchsynth.wishes import FIELDS, field_picture, parse_field
 
 NONE, PAINTED, UPLOADED = "none", "painted below", "a picture"
+_USUAL, _OWN = "distorted, as fits", "the one on the left"
+_RECIPES = (_USUAL, _OWN)
 _SUITS = {
     "angle": ("constant", "swirl", "radial", "wave"),
     "scale": ("constant", "zoom", "wave"),
@@ -31,8 +36,8 @@ _FIRST = {
     ("scale", "constant"): "1.5", ("scale", "zoom"): "0.5, 2", ("scale", "wave"): "0.4, 2, 1",
 }  # fmt: skip
 _HINT = (
-    "Turns and stretches the texture from place to place. A square recipe such as "
-    "<b>distorted</b> follows a field best."
+    "Turns and stretches the texture from place to place. Recipes that see their neighbors on all sides follow a "
+    "field best: <b>distorted</b> does."
 )
 _PAINT = "Paint in grays: black is 0\N{DEGREE SIGN} or a quarter, white 360\N{DEGREE SIGN} or four times"
 
@@ -53,30 +58,36 @@ def build(asked: side.Side, shown: Stage) -> None:
         run = gr.Button("Distort", variant="primary", elem_id="distort", scale=0, min_width=130)
     notes.hint(_HINT)
     with gr.Row():
+        chosen = gr.Dropdown(list(_RECIPES), value=_USUAL, label="Recipe", elem_id="distort-with")
+    with gr.Row():
         choices = [_build_choice(subject, asked) for subject in FIELDS]
     with gr.Column(visible=False) as painting:
         notes.hint(_PAINT)
         editor = editors.canvas("field", editors.blank(side.FIRST_SHAPE, editors.GRAYS))
 
     def make(
-        visitor: Visitor, recipe: dict[str, Any], height: int | None, width: int | None, seed: int | None, painted: str | None,
-        *given: str,
+        visitor: Visitor, recipe: dict[str, Any], height: Number, width: Number, seed: Number, painted: str | None,
+        name: str, *given: str,
     ) -> Iterator[Updates]:  # fmt: skip
         def plan(sample: Sample) -> Work:
-            size = side.asked_size(height, width)
+            size = asked_size(height, width)
             fields = _Fields(visitor, size, painted)
             for number, subject in enumerate(FIELDS):
                 fields.add(subject, given[2 * number], given[2 * number + 1])
             return distortion(
-                sample, recipe_from(recipe), size, seed or 0, fields.controls(), fields.words,
+                sample, _recipe(name, recipe, sample), size, asked_seed(seed), fields.controls(), fields.words,
                 painted=fields.painted,
             )  # fmt: skip
 
         yield from stage.asked(shown, visitor, plan)
 
+    def prepare(height: Number, width: Number) -> gr.HTML:
+        size = paper_size(height, width)
+        return gr.HTML() if size is None else editors.on(editors.blank(size, editors.GRAYS))
+
     makers = [one.maker for one in choices]
     texts = [one for choice in choices for one in (choice.maker, choice.numbers)]
-    stage.on_click(run, make, [*asked.asked, editor, *texts], shown.outputs)
+    stage.on_click(run, make, [*asked.asked, editor, chosen, *texts], shown.outputs)
     gr.on(
         [one.input for one in makers],
         lambda *chosen: gr.Column(visible=PAINTED in chosen),
@@ -84,9 +95,7 @@ def build(asked: side.Side, shown: Stage) -> None:
     )  # fmt: skip
     gr.on(
         [asked.height.change, asked.width.change],
-        lambda height, width: editors.on(
-            editors.blank(editors.paper_size(*side.asked_size(height, width)), editors.GRAYS)
-        ),
+        prepare,
         [asked.height, asked.width], editor, show_progress="hidden",
     )  # fmt: skip
 
@@ -120,6 +129,10 @@ def _build_choice(subject: str, asked: side.Side) -> _Choice:
     maker.input(show, maker, [numbers, file], show_progress="hidden", queue=False)
     file.upload(take, [asked.visitor, file], [asked.visitor, file], show_progress="hidden")
     return _Choice(subject, maker, numbers, file)
+
+
+def _recipe(name: str, own: dict[str, Any], sample: Sample) -> Recipe:
+    return recipe_from(own) if name == _OWN else distorted_as_fits(sample)
 
 
 def _label(maker: str) -> str:

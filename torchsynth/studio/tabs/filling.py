@@ -10,6 +10,7 @@ from torchsynth.config import load_recipe
 from torchsynth.errors import InputError
 from torchsynth.recipe import Recipe
 from torchsynth.studio import editors, notes, side, stage
+from torchsynth.studio.numbers import Number, asked_seed
 from torchsynth.studio.painting import layer_of, region_of
 from torchsynth.studio.stage import Stage, Updates
 from torchsynth.studio.toolkit import gr
@@ -35,12 +36,12 @@ def build(asked: side.Side, shown: Stage) -> None:
         )
 
     def make(
-        visitor: Visitor, recipe: dict[str, Any], seed: int | None, which: str, name: str, painted: str | None
+        visitor: Visitor, recipe: dict[str, Any], seed: Number, which: str, name: str, painted: str | None
     ) -> Iterator[Updates]:
         def plan(sample: Sample) -> Work:
             picture = _picture(visitor, sample, which)
             hole = region_of(layer_of(painted, picture.shape, "hole"))
-            return filling(picture, hole, _recipe(name, recipe), seed or 0)
+            return filling(picture, hole, _recipe(name, recipe), asked_seed(seed))
 
         yield from stage.asked(shown, visitor, plan)
 

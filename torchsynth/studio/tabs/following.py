@@ -9,6 +9,7 @@ from torchsynth.controls import Controls
 from torchsynth.errors import InputError
 from torchsynth.lattice import Shape
 from torchsynth.studio import editors, notes, side, stage
+from torchsynth.studio.numbers import Number, asked_seed, asked_size, paper_size
 from torchsynth.studio.painting import layer_of, region_of, target_of
 from torchsynth.studio.stage import Stage, Updates
 from torchsynth.studio.toolkit import gr
@@ -34,14 +35,16 @@ def build(asked: side.Side, shown: Stage) -> None:
     def begin(
         visitor: Visitor,
         recipe: dict[str, Any],
-        height: int | None,
-        width: int | None,
-        seed: int | None,
+        height: Number,
+        width: Number,
+        seed: Number,
         painted: str | None,
     ) -> Iterator[Updates]:
         def plan(sample: Sample) -> Work:
-            size = side.asked_size(height, width)
-            return following(sample, recipe_from(recipe), size, seed or 0, _wish(sample, painted, size), 1)
+            size = asked_size(height, width)
+            return following(
+                sample, recipe_from(recipe), size, asked_seed(seed), _wish(sample, painted, size), 1
+            )
 
         yield from stage.asked(shown, visitor, plan)
 
@@ -54,13 +57,11 @@ def build(asked: side.Side, shown: Stage) -> None:
 
         yield from stage.asked(shown, visitor, plan)
 
-    def prepare(
-        visitor: Visitor, height: int | None, width: int | None, chosen: str, colors: list[str]
-    ) -> gr.HTML:
+    def prepare(visitor: Visitor, height: Number, width: Number, chosen: str, colors: list[str]) -> gr.HTML:
         if chosen == "Last result" and visitor.made is not None:
             return editors.on(editors.showing(visitor.made.result.image[0], colors, others=True))
-        size = editors.paper_size(*side.asked_size(height, width))
-        return editors.on(editors.blank(size, colors, others=True))
+        size = paper_size(height, width)
+        return gr.HTML() if size is None else editors.on(editors.blank(size, colors, others=True))
 
     stage.on_click(first, begin, [*asked.asked, editor], shown.outputs)
     stage.on_click(again, go_on, [asked.visitor, editor], shown.outputs)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from torchsynth.studio import notes, side, stage
+from torchsynth.studio.numbers import Number, asked_seed, asked_size
 from torchsynth.studio.stage import Stage, Updates
 from torchsynth.studio.toolkit import gr
 from torchsynth.studio.visitor import Visitor
@@ -19,12 +20,14 @@ def build(asked: side.Side, shown: Stage) -> None:
     notes.hint("Makes new texture from the sample, with the recipe, size and seed on the left.")
 
     def make(
-        visitor: Visitor, recipe: dict[str, Any], height: int | None, width: int | None, seed: int | None
+        visitor: Visitor, recipe: dict[str, Any], height: Number, width: Number, seed: Number
     ) -> Iterator[Updates]:
         yield from stage.asked(
             shown,
             visitor,
-            lambda sample: synthesis(sample, recipe_from(recipe), side.asked_size(height, width), seed or 0),
+            lambda sample: synthesis(
+                sample, recipe_from(recipe), asked_size(height, width), asked_seed(seed)
+            ),
         )
 
     stage.on_click(run, make, asked.asked, shown.outputs)
