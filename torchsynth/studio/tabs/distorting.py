@@ -96,7 +96,7 @@ def build(asked: side.Side, shown: Stage) -> None:
     gr.on(
         [asked.height.change, asked.width.change],
         prepare,
-        [asked.height, asked.width], editor, show_progress="hidden",
+        [asked.height, asked.width], editor, show_progress="hidden", queue=False,
     )  # fmt: skip
 
 

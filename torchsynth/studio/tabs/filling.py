@@ -59,7 +59,12 @@ def build(asked: side.Side, shown: Stage) -> None:
         run, make, [asked.visitor, asked.recipe, asked.seed, picture, chosen, editor], shown.outputs
     )
     gr.on(
-        [asked.turn.change, picture.input], prepare, [asked.visitor, picture], editor, show_progress="hidden"
+        [asked.turn.change, picture.input],
+        prepare,
+        [asked.visitor, picture],
+        editor,
+        show_progress="hidden",
+        queue=False,
     )
 
 

@@ -68,6 +68,7 @@ def build(asked: side.Side, shown: Stage) -> None:
     gr.on(
         [asked.height.change, asked.width.change, paper.input, asked.colors.change],
         prepare, [asked.visitor, asked.height, asked.width, paper, asked.colors], editor, show_progress="hidden",
+        queue=False,  # gradio may lose a click that comes just when a queued event has ended
     )  # fmt: skip
 
 
