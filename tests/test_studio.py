@@ -550,6 +550,8 @@ def test_yaml_counts_as_soon_as_the_editor_is_left(visit):
     page.page.keyboard.press("Control+A")
     page.page.keyboard.insert_text(ts.dump_recipe(ts.recipes.ashikhmin().changed(name="typed")))
     page.page.wait_for_selector("#pending-yaml:has-text('not applied yet')")
+    page.page.click("#title")
+    page.page.wait_for_selector("#about-recipe:has-text('typed')")
     assert "typed" in page.run("synthesize")
     page.page.wait_for_selector("#pending-yaml:not(:has-text('not applied'))", state="attached")
     page.page.click("#yaml .cm-content")

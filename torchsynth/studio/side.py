@@ -195,8 +195,8 @@ def _build_recipe(page: gr.Blocks, visitor: gr.State, recipe: gr.State) -> None:
 
     chosen.input(pick, chosen, recipe, show_progress="hidden")
     apply.click(read, text, [recipe, pending], show_progress="hidden")
-    # Whatever is pressed next, the editor is left first. No queue, so that this is done before that begins.
-    text.blur(leave, [text, drawn], [recipe, pending], show_progress="hidden", queue=False)
+    # Queued, as nobody is told of states that change outside of the queue.
+    text.blur(leave, [text, drawn], [recipe, pending], show_progress="hidden")
     text.input(
         lambda written, known: "" if written == known else _PENDING,
         [text, drawn], pending, show_progress="hidden", queue=False, trigger_mode="always_last",
