@@ -40,7 +40,7 @@ def page(browser):
     opened = browser.new_page(viewport={"width": 1200, "height": 900})
     opened.requested = []
     opened.on("request", lambda request: opened.requested.append(request.url))
-    opened.set_default_timeout(15_000)
+    opened.set_default_timeout(45_000)
     yield opened
     opened.close()
 

@@ -246,7 +246,7 @@ def test_command_serves_until_it_is_asked_to_end(unused_port, ask):
     with urllib.request.urlopen(address) as answer:
         assert b"torchsynth studio" in answer.read()
     process.send_signal(ask)
-    out, err = process.communicate(timeout=20)
+    out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (0, "", "")
 
 
@@ -305,7 +305,7 @@ class Page:
 
     def __init__(self, browser, address):
         self.page = browser.new_page(viewport={"width": 1280, "height": 900})
-        self.page.set_default_timeout(15_000)
+        self.page.set_default_timeout(45_000)
         self.asked, self.refused = [], []
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.on(
@@ -342,7 +342,7 @@ class Page:
 
     def run(self, button, state="done"):
         self.start(button)
-        self.page.wait_for_selector(f"#progress .said.{state}", timeout=20_000)
+        self.page.wait_for_selector(f"#progress .said.{state}", timeout=60_000)
         return self.page.inner_text("#progress .said")
 
     def pixels(self, element="shown-result"):
@@ -513,7 +513,7 @@ def test_a_long_run_is_cancelled_and_the_page_goes_on(visit, sample):
     page.page.wait_for_selector("#shown-result img")
     running_threads = threading.active_count()
     page.page.click("#cancel")
-    page.page.wait_for_selector("#progress .said:text-is('Cancelled')", timeout=30_000)
+    page.page.wait_for_selector("#progress .said:text-is('Cancelled')", timeout=60_000)
     assert threading.active_count() <= running_threads
     page.use(sample[0].path)
     page.recipe("ashikhmin")
