@@ -36,7 +36,7 @@ maximum_signature_line_length = 88
 # A reference that leads nowhere is an error, except to other libraries, which are only named, and to what is private.
 nitpicky = True
 nitpick_ignore_regex = [
-    ("py:.*", r"(collections|jaxtyping|numpy|pathlib|pydantic|pydantic_core|torch|typer|typing)\..*"),
+    ("py:.*", r"(collections|io|jaxtyping|numpy|pathlib|pydantic|pydantic_core|torch|typer|typing)\..*"),
     ("py:class", r"Tensor|(Bool|Float|Int)\d*|dict\[str"),
     ("py:class", r"torchsynth\.([a-z]+\.)+_\w+"),
     ("py:class", r"torchsynth\.analogy\..*"),  # the module shares its name with a function
