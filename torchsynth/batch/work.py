@@ -26,7 +26,8 @@ class Output:
     """One picture that is wanted.
 
     Args:
-        key: The SHA-256 of all that decides its bytes: recipe, exemplar, size, seed, versions.
+        key: The SHA-256 of all that decides its files: their names, recipe,
+            exemplar, size, seed, versions, format, and what is written beside the picture.
         seed: Its seed.
         stem: The name of its files, without their endings.
         about: What the manifest says of it.

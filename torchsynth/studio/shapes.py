@@ -62,7 +62,7 @@ def shape_of(node: Node, parts: Node) -> Shape:
         parts: The definitions that the schema refers to, by name.
 
     Raises:
-        NotImplementedError: If a form cannot edit such a value.
+        TypeError: If a form cannot edit such a value.
 
     Example:
         >>> shape_of({"anyOf": [{"type": "integer", "minimum": 1}, {"type": "null"}]}, {})
@@ -82,7 +82,7 @@ def shape_of(node: Node, parts: Node) -> Shape:
     if listed is None and len(rest) == 1:
         return _shape_of_value(rest[0], optional, words)
     if listed is None or not types <= {"array", "integer"}:
-        raise NotImplementedError(f"a form cannot edit {dict(node)}")
+        raise TypeError(f"a form cannot edit {dict(node)}")
     return _shape_of_array(listed, optional, words, single="integer" in types)
 
 
