@@ -18,11 +18,12 @@ YAML_SUFFIXES = (".yaml", ".yml", ".json")
 """What such files end in; JSON is YAML, too."""
 
 
-def read_yaml(path: Path) -> object:
+def read_yaml(path: Path, name: str | None = None) -> object:
     """Plain data from a file.
 
     Args:
         path: The file.
+        name: What messages call it; None means by its path.
 
     Raises:
         ConfigError: If the file cannot be read, or is not valid YAML; the message names the line.
@@ -35,16 +36,15 @@ def read_yaml(path: Path) -> object:
         ...     read_yaml(path)
         {'sizes': ['8x8']}
     """
+    name = name or str(path)
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         fact = f"the system says: {(error.strerror or str(error)).lower()}"
-        raise ConfigError(str(path), "must be a readable file", fact, "check the path") from None
+        raise ConfigError(name, "must be a readable file", fact, "check the path") from None
     except UnicodeDecodeError:
-        raise ConfigError(
-            str(path), "must be UTF-8 text", "it is not", "is this YAML, or a picture?"
-        ) from None
-    return parse_yaml(text, str(path))
+        raise ConfigError(name, "must be UTF-8 text", "it is not", "is this YAML, or a picture?") from None
+    return parse_yaml(text, name)
 
 
 def parse_yaml(text: str, subject: str) -> object:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from torchsynth.config import dump_recipe, load_recipe, parse_recipe
-from torchsynth.errors import ConfigError, TorchsynthError
+from torchsynth.errors import TorchsynthError
 from torchsynth.recipe import Recipe
 from torchsynth.recipes import RECIPES
 from torchsynth.samples import PREFIX, SAMPLES, sample_path
@@ -21,7 +21,7 @@ from torchsynth.studio.pictures import enlarged, pixels_of
 from torchsynth.studio.toolkit import gr
 from torchsynth.studio.visitor import Sample, Visitor
 from torchsynth.studio.work import read_sample, recipe_from, upload_name
-from torchsynth.yaml_text import parse_yaml
+from torchsynth.yaml_text import parse_yaml, read_yaml
 
 FIRST_SAMPLE = "pebbles"
 FIRST_RECIPE = "ashikhmin"
@@ -216,13 +216,8 @@ def _or_warn(read: Callable[[], Recipe], present: dict[str, Any]) -> dict[str, A
 
 
 def _loaded(path: str) -> Recipe:
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ConfigError(
-            upload_name(path), "must be UTF-8 text", "it is not", "is this the recipe, or a picture?"
-        ) from None
-    return parse_recipe(parse_yaml(text, upload_name(path)), upload_name(path))
+    name = upload_name(path)
+    return parse_recipe(read_yaml(Path(path), name), name)
 
 
 def _described(recipe: Recipe) -> str:
