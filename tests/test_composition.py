@@ -31,7 +31,7 @@ COMBINATIONS = list(
 )
 
 
-def literal_schedule(order, shape, reach, boundary, rows=None):
+def literal_schedule(order, shape, reach, boundary, rows, waiting):
     """The library's schedule, with a batch for each rank: nothing is visited together that need not be."""
     rank = order.rank(shape, reach or (0, 0), boundary)
     chosen = visited_rows(rows, shape[0])
@@ -39,7 +39,7 @@ def literal_schedule(order, shape, reach, boundary, rows=None):
         rank = rank.roll(chosen[0], 0)
     visited = torch.zeros(shape, dtype=torch.bool)
     visited[chosen] = True
-    rank = rank.masked_fill(~visited, shape[0] * shape[1]).flatten()
+    rank = rank.masked_fill(~(visited & waiting), shape[0] * shape[1]).flatten()
     ranks, batch = rank.unique(return_inverse=True)
     sizes = [int((rank == one).sum()) for one in ranks if one < shape[0] * shape[1]]
     after = torch.tensor([shape[0] * shape[1]])

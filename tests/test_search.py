@@ -13,7 +13,7 @@ from torchsynth.index import Index
 from torchsynth.initial import SeedPatch
 from torchsynth.neighborhood import Plane, Planes
 from torchsynth.schedule import OnionPeel
-from torchsynth.search import Exhaustive, Query
+from torchsynth.search import Exhaustive, Offers, Query
 
 
 def _whole(generator, *shape):
@@ -136,13 +136,19 @@ def test_continuations_beyond_what_is_compared_never_reach_around():
     plane = Plane(torch.zeros(1, 9 * 8, 1), (9, 8), "open")
     index = Index.of((_square(),), (1,), Planes((plane,)), 0)
     state = FARTHER.fit(index, complete=True)
-    rank = {site: number for number, site in enumerate(index.sites.tolist())}
+    candidates = set(index.sites.tolist())
+    offsets = FARTHER.template.offsets().tolist()
     for source in range(-1, 9 * 8):
-        found = state.continued.take(state.lines + source).tolist()
-        for (down, across), row in zip(FARTHER.template.offsets().tolist(), found, strict=True):
-            cell = (source // 8 - down, source % 8 - across)
-            inside = source >= 0 and 0 <= cell[0] < 9 and 0 <= cell[1] < 8
-            assert row == (rank.get(cell[0] * 8 + cell[1], -1) if inside else -1)
+        nobody = torch.zeros(1, 1, len(offsets), dtype=torch.int64)
+        query = Query(torch.ones(1, 1, 9), offers=Offers(nobody + source, None, nobody))
+        found = FARTHER.continued(state, query)
+        places = found.source.flatten().tolist()
+        there = found.cost.flatten().isfinite().tolist()
+        for (down, across), place, goes_on in zip(offsets, places, there, strict=True):
+            row, column = source // 8 - down, source % 8 - across
+            inside = source >= 0 and 0 <= row < 9 and 0 <= column < 8
+            assert goes_on == (inside and row * 8 + column in candidates)
+            assert not goes_on or place == row * 8 + column
 
 
 @pytest.mark.parametrize("exemplars", [1, 3])
@@ -176,7 +182,7 @@ def test_sifting_keeps_all_that_matters_exactly(monkeypatch, exemplars, toleranc
     for sample in range(3):
         for site in range(6):
             there = found.cost[sample, site].isfinite()
-            rows = found.rows[sample, site][there]
+            rows = found.source[sample, site][there]
             assert rows.equal(rows.unique())
             exact = distance[sample, site]
             assert (found.cost[sample, site][there] + base[sample, site]).equal(exact[rows])

@@ -32,7 +32,7 @@ def _query(features, readable=None):
 def _found(search, index, query):
     proposals = search.search(search.fit(index, complete=query.readable is None), query)
     choice = Best().choose(proposals.cost)
-    return proposals.rows_at(choice.place), choice.cost
+    return proposals.source_at(choice.place, index.sites), choice.cost
 
 
 def _leaves(node):

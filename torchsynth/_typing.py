@@ -47,8 +47,8 @@ Features: TypeAlias = Float[Tensor, "_batch _sites _features"]
 Values: TypeAlias = Float[Tensor, "_batch _pixels channels"]
 """A picture laid out for gathering: flat positions by channels."""
 
-Rows: TypeAlias = Int64[Tensor, "_batch _sites"]
-"""Which candidate was chosen: a row of the index."""
+Sources: TypeAlias = Int64[Tensor, "_batch _sites"]
+"""Which exemplar pixel each site is copied from: a flat position."""
 
 Draws: TypeAlias = Int64[Tensor, "_batch _sites"]
 """Random whole numbers from 0 to 2**62 - 1, one for each site."""

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float, Int64
 from pydantic import Field
 from torch import Tensor
 
-from torchsynth._typing import Rows
 from torchsynth.part import Part
 
 # Candidates of unequal chance are weighed in so many steps: sums of them stay exact.
@@ -28,7 +27,7 @@ class Choice(NamedTuple):
         refused: Which queries take none, since even that one is too bad; None if every query takes one.
     """
 
-    place: Rows
+    place: Int64[Tensor, "batch sites"]
     cost: Float[Tensor, "batch sites"]
     refused: Bool[Tensor, "batch sites"] | None = None
 

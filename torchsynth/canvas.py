@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
-from torchsynth._typing import CostMap, Frames, Image, Rows, Sites, SourceMap, Values
+from torchsynth._typing import CostMap, Frames, Image, Sites, SourceMap, Sources, Values
 from torchsynth.lattice import Boundary, Shape
 from torchsynth.neighborhood import Plane, dequantize, output_plane
 
@@ -78,7 +78,7 @@ class Canvas:
         """Height and width."""
         return self.plane.shape
 
-    def give(self, sites: Sites, source: Rows) -> None:
+    def give(self, sites: Sites, source: Sources) -> None:
         """Declare some pixels given: they keep what the level starts with.
 
         Args:
@@ -89,7 +89,7 @@ class Canvas:
         self.given[sites] = True
         self.known[sites] = True
 
-    def resume(self, source: Rows) -> None:
+    def resume(self, source: Sources) -> None:
         """Begin with an earlier output, as synthesized: where each pixel was copied from."""
         self.write(torch.arange(source.shape[1], device=source.device), source)
         self.known[:-1] = True
@@ -113,7 +113,7 @@ class Canvas:
             guide=None if self.guide is None else replace(self.guide, values=self.guide.values[one]),
         )
 
-    def write(self, sites: Sites, source: Rows, own: Values | None = None) -> None:
+    def write(self, sites: Sites, source: Sources, own: Values | None = None) -> None:
         """Copy exemplar pixels, by their flat positions, to the given sites of every output.
 
         Args:

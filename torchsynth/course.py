@@ -78,7 +78,7 @@ class Course:
             if self.stage > 1:
                 return None
             shape = self.known.shape[0], self.known.shape[1]
-            return schedule(self.order, shape, self.reach, self.boundary, self.rows).among(self.waiting)
+            return schedule(self.order, shape, self.reach, self.boundary, self.rows, self.waiting)
         rank = self.order.layer(self.known, self.waiting, self.boundary)
         if not bool(rank.any()):
             return None

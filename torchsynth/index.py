@@ -164,6 +164,9 @@ def candidates(layers: Sequence[Layer], planes: Planes, level: int) -> Region:
     cells = to_cells(torch.arange(height * width, device=usable.device), width)
     for layer in layers:
         whole = _whole_neighborhoods(layer, planes.of(layer, level))
+        if layer.steps_up == 0:
+            usable &= whole
+            continue
         centers = parents(cells, layer.steps_up)
         # Sides round down, so the last row or column of an odd level has no parent.
         last = torch.tensor(whole.shape, device=centers.device) - 1

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 import torch
 from pydantic import Field
 
-from torchsynth._typing import Image, Rows, Sites
+from torchsynth._typing import Image, Sites, Sources
 from torchsynth.canvas import Canvas
 from torchsynth.lattice import Boundary, Shape, to_cells
 from torchsynth.part import Part
@@ -209,7 +209,7 @@ Initial: TypeAlias = Annotated[Noise | RandomSource | SeedPatch, Field(discrimin
 """Any initialiser; the ``kind`` field tells them apart in YAML."""
 
 
-def _children(canvas: Canvas, coarser: Canvas, sites: Sites) -> Rows:
+def _children(canvas: Canvas, coarser: Canvas, sites: Sites) -> Sources:
     """Where the pixels of a level come from, given where their parents do."""
     cells = to_cells(sites, canvas.shape[1])
     # Sides round down, so the last row or column of an odd level joins the family before it.

@@ -91,7 +91,7 @@ def read(
     rows = cells[:, :1] + offsets[..., 0]
     columns = cells[:, 1:] + offsets[..., 1]
     if boundary == "torus":
-        return Reads(rows.remainder(height) * width + columns.remainder(width), None)
+        return Reads(_around(rows, height, width) + _around(columns, width), None)
     inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
     return only(Reads(rows * width + columns, None), inside, shape)
 
@@ -107,3 +107,12 @@ def only(reads: Reads, there: Bool[Tensor, "sites neighbors"], shape: Shape) -> 
     if bool(inside.all()):
         return Reads(reads.positions, None)
     return Reads(reads.positions.masked_fill(~inside, shape[0] * shape[1]), inside)
+
+
+def _around(places: Tensor, length: int, step: int = 1) -> Tensor:
+    """Places on a ring of some length, each as so many steps: from a table, as division takes far longer."""
+    if places.numel() == 0:
+        return places
+    first, last = (int(end) for end in places.aminmax())
+    table = torch.arange(first, last + 1, device=places.device).remainder_(length).mul_(step)
+    return table.take(places - first)

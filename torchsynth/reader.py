@@ -141,7 +141,7 @@ class Reader:
         bound: For each layer its plane, and whether that plane changes during the sweep.
         wanted: The neighbors whose sources the search wants to see, as a layer.
         chances: Whether the search wants a random number with each of them, beside the spare candidate.
-        candidates: How many candidates there are.
+        candidates: The exemplar position of each candidate.
         skips: Whether pixels that are not synthesized yet are left out.
     """
 
@@ -149,7 +149,7 @@ class Reader:
     bound: list[tuple[Layer, Plane, bool]]
     wanted: Layer | None
     chances: bool
-    candidates: int
+    candidates: Sites
     skips: bool
 
     @classmethod
@@ -159,7 +159,7 @@ class Reader:
         level: int,
         canvases: Sequence[Canvas],
         search: Search,
-        candidates: int,
+        candidates: Sites,
         skips: bool,
     ) -> Reader:
         """Bind the layers of a level to its planes, and what the search wants to see."""
@@ -238,7 +238,8 @@ class Reader:
         """The neighbors a search wants to see, and random numbers for each of them."""
         scattered = scatter_draws(draws, reads.positions.shape[1])
         chances = chance(scattered) if self.chances else None
-        return _Wanted(self.canvas.source, reads, spare(scattered, self.candidates), chances)
+        spares = self.candidates.take(spare(scattered, len(self.candidates)))
+        return _Wanted(self.canvas.source, reads, spares, chances)
 
 
 def plane_of(layer: Layer, level: int, canvases: Sequence[Canvas]) -> Plane:

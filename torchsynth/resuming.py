@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from torchsynth._typing import Rows, SourceMap
+from torchsynth._typing import SourceMap, Sources
 from torchsynth.errors import InputError
 from torchsynth.lattice import Shape
 
@@ -71,7 +71,7 @@ def fitting_source(source: Tensor, exemplar: Shape, size: Shape, outputs: int) -
     return batch.expand(outputs, -1, -1, -1)
 
 
-def sources_by_level(source: SourceMap, exemplars: Sequence[Shape], shapes: Sequence[Shape]) -> list[Rows]:
+def sources_by_level(source: SourceMap, exemplars: Sequence[Shape], shapes: Sequence[Shape]) -> list[Sources]:
     """The same map on every level, as flat positions in the exemplar's level: every second pixel, halved.
 
     Args:

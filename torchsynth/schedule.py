@@ -234,7 +234,7 @@ class Schedule:
         never = int(batch.max()) + 1
         batches = torch.cat((batch.masked_fill(~visited, never).flatten(), torch.tensor([never])))
         sites = visited.flatten().nonzero().squeeze(1)
-        ascending, order = batches[sites].sort(stable=True)
+        ascending, order = batches[sites].int().sort(stable=True)  # in half the time of 64 bits
         sizes = ascending.unique_consecutive(return_counts=True)[1].tolist()
         return cls(sites[order], sizes, batches)
 
@@ -279,7 +279,12 @@ class Schedule:
 
 
 def schedule(
-    order: FixedOrder, shape: Shape, reach: Reach | None, boundary: Boundary, rows: Rows | None = None
+    order: FixedOrder,
+    shape: Shape,
+    reach: Reach | None,
+    boundary: Boundary,
+    rows: Rows | None = None,
+    waiting: Region | None = None,
 ) -> Schedule:
     """Put the sites of a level into batches that give the result of the literal order.
 
@@ -290,6 +295,7 @@ def schedule(
             which case no pixel depends on another and there is only one batch.
         boundary: Whether neighborhoods wrap around.
         rows: The first row to visit and the one to stop before, as in a Python slice; None means all.
+        waiting: Which of their pixels to visit; None means all.
 
     Example:
         >>> schedule(Scanline(), (64, 64), (4, 4), "torus").sizes[-1]
@@ -306,7 +312,7 @@ def schedule(
         batch = batch.roll(chosen[0], 0)
     visited = torch.zeros(shape, dtype=torch.bool)
     visited[chosen] = True
-    return Schedule.of(batch, visited)
+    return Schedule.of(batch, visited if waiting is None else visited & waiting)
 
 
 def schedule_layer(rank: Grid, reach: Reach, boundary: Boundary) -> Schedule:

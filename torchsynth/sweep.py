@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pydantic import Field, model_validator
 from torch import Tensor
 
-from torchsynth._typing import Draws, Rows, Sites
+from torchsynth._typing import Draws, Sites, Sources
 from torchsynth.accept import Accept, Best, Evidence, WithinTolerance
 from torchsynth.canvas import Canvas
 from torchsynth.course import Course
@@ -25,8 +25,7 @@ from torchsynth.neighborhood import (
 )
 from torchsynth.part import Part
 from torchsynth.reader import Reader, plane_of
-from torchsynth.schedule import OnionPeel, Order, Scanline, Schedule
-from torchsynth.schedule import Rows as Span
+from torchsynth.schedule import OnionPeel, Order, Rows, Scanline, Schedule
 from torchsynth.search import TSVQ, Exhaustive, PreferCoherent, Query, Search, Tree, chance, draw_at, spare
 
 # Sites whose unchanging layers are gathered together: enough to make the cost of the calls vanish, few
@@ -85,7 +84,7 @@ class Sweep(Part):
     order: Order = Scanline()
     accept: Accept = Best()
     levels: Levels | Literal["coarsest", "finer"] | None = None
-    rows: Annotated[Span, Field(strict=False)] | None = None
+    rows: Annotated[Rows, Field(strict=False)] | None = None
     unknown: Literal["read", "skip"] = "read"
     normalize: bool = False
 
@@ -196,7 +195,7 @@ class _Visits:
     ) -> _Visits:
         sweep = fitted.sweep
         skips = sweep.unknown == "skip"
-        reader = Reader.of(fitted.layers, level, canvases, sweep.search, len(fitted.sites), skips)
+        reader = Reader.of(fitted.layers, level, canvases, sweep.search, fitted.sites, skips)
         return cls(fitted, level, canvases, draws, advance, reader)
 
     @property
@@ -277,19 +276,22 @@ class _Visits:
         """
         canvas, fitted = self.canvas, self.fitted
         capacity = max(1, fitted.sweep.search.capacity(fitted.state) // len(canvas.source))
-        size = group_size(len(canvas.source), len(fitted.weights))
+        most = group_size(len(canvas.source), len(fitted.weights))
         pending: list[_Visited] = []
         visited = told = 0
-        for group in batches.groups(capacity, size):
+        for group in batches.groups(capacity, most):
             group_sites = group.sites.to(fitted.sites.device)
             gathered, costs = self.reader.gather(group_sites, batches, self.draws), []
             refused: Tensor | None = None
-            pieces = zip(group_sites.split(group.sizes), gathered.queries(group.sizes), strict=True)
-            for (sites, (query, blind)), ends_batch in zip(pieces, group.ends_batch, strict=True):
+            pieces = zip(
+                group_sites.split(group.sizes), gathered.queries(group.sizes), group.sizes, group.ends_batch,
+                strict=True,
+            )  # fmt: skip
+            for sites, (query, blind), size, ends_batch in pieces:
                 piece = self._match(sites, query, blind, course)
                 pending.append(piece)
                 costs.append(piece.cost)
-                visited += len(sites)
+                visited += size
                 if ends_batch:  # gather before scatter: a batch sees nothing of itself
                     refused = _refused(pending)
                     for one in pending:
@@ -322,13 +324,13 @@ class _Visits:
             evidence = self._evidence(sites, query, course)
         proposals = sweep.search.search(fitted.state, query)
         choice = sweep.accept.choose(proposals.cost, evidence)
-        rows = proposals.rows_at(choice.place)
+        source = proposals.source_at(choice.place, fitted.sites)
         if blind is not None:
             # No neighbor at all: every candidate costs nothing, and any one is as good.
             unseeing = draw_at(self.draws[:, sites[blind]], 1)
-            rows[:, blind] = spare(unseeing, len(fitted.sites))
+            source[:, blind] = fitted.sites.take(spare(unseeing, len(fitted.sites)))
         own = proposals.values_at(choice.place)
-        return _Visited(sites, fitted.sites.take(rows), own, choice.cost, choice.refused)
+        return _Visited(sites, source, own, choice.cost, choice.refused)
 
     def _evidence(self, sites: Sites, query: Query, course: Course) -> Evidence:
         """What the acceptance weighs beside the costs."""
@@ -346,7 +348,7 @@ class _Visited(NamedTuple):
     """The pixels of a piece and what they take: see :class:`torchsynth.accept.Choice`."""
 
     sites: Sites
-    source: Rows
+    source: Sources
     own: Tensor | None
     cost: Tensor
     refused: Tensor | None

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from torchsynth import field
-from torchsynth._typing import Frames, Image, Region, Rows, SourceMap
+from torchsynth._typing import Frames, Image, Region, SourceMap, Sources
 from torchsynth.canvas import Canvas
 from torchsynth.codebook import Codebook
 from torchsynth.controls import Controls
@@ -158,7 +158,7 @@ class Task:
             canvas.resume(source)
         return canvases
 
-    def _sources(self) -> list[Rows]:
+    def _sources(self) -> list[Sources]:
         """What every level of an earlier output was copied from, if one is to be gone on from."""
         if self.source is None:
             return []
@@ -230,7 +230,7 @@ def _source(exemplar: Exemplar, size: Shape, controls: Controls, outputs: int) -
     return source
 
 
-def _shown(exemplar: Image, source: Rows, shape: Shape) -> Image:
+def _shown(exemplar: Image, source: Sources, shape: Shape) -> Image:
     """The picture that a level's sources make of the exemplar."""
     sites = source.unsqueeze(1).expand(-1, exemplar.shape[1], -1)
     return exemplar.flatten(2).expand(len(source), -1, -1).gather(2, sites).view(len(source), -1, *shape)

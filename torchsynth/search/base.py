@@ -19,7 +19,7 @@ import torch
 from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
-from torchsynth._typing import Draws
+from torchsynth._typing import Draws, Sites, Sources
 from torchsynth.neighborhood import Layer
 
 MEMORY_BUDGET = 32 * 2**20
@@ -90,7 +90,7 @@ class Offers(NamedTuple):
         source: ``(B, sites, neighbors)``: the flat exemplar position each was copied from, or -1.
         missing: Which neighbors offer nothing, the same for all samples; never all of a site. None
             means that there are none.
-        spares: For each offer a random candidate to put in its place.
+        spares: For each offer the position of a random candidate to put in its place.
         chances: For each offer a random number from 0 to 2**31 - 1; None if the search takes no chances.
     """
 
@@ -118,7 +118,7 @@ def spare(draws: Int64[Tensor, "*any"], number: int) -> Int64[Tensor, "*any"]:
         >>> spare(torch.tensor([0, 2**30, 2**31 - 1]), 10).tolist()
         [0, 5, 9]
     """
-    scaled: Tensor = ((draws & _MASK) * number) >> _HALF
+    scaled: Tensor = (draws & _MASK).mul_(number).bitwise_right_shift_(_HALF)
     return scaled
 
 
@@ -185,21 +185,21 @@ class Proposals(NamedTuple):
 
     Args:
         cost: See :data:`Costs`.
-        rows: ``(B, sites, columns)``: which candidate of the index each cost belongs to; None where place
-            ``i``, counted through the blocks, is candidate ``i``.
+        source: ``(B, sites, columns)``: the flat exemplar position that each cost belongs to; None where
+            place ``i``, counted through the blocks, is candidate ``i`` of the index.
         values: ``(B, sites, columns, C)``: the value that each proposal has of its own; None where
             proposals are copies of exemplar pixels.
     """
 
     cost: Float[Tensor, "batch sites *places"]
-    rows: Int64[Tensor, "batch sites columns"] | None = None
+    source: Int64[Tensor, "batch sites columns"] | None = None
     values: Float[Tensor, "batch sites columns channels"] | None = None
 
-    def rows_at(self, place: Int64[Tensor, "batch sites"]) -> Int64[Tensor, "batch sites"]:
-        """The candidates at the chosen places."""
-        if self.rows is None:
-            return place
-        return self.rows.gather(2, place.unsqueeze(2)).squeeze(2)
+    def source_at(self, place: Int64[Tensor, "batch sites"], candidates: Sites) -> Sources:
+        """The exemplar positions at the chosen places, given those of all candidates."""
+        if self.source is None:
+            return candidates.take(place)
+        return self.source.gather(2, place.unsqueeze(2)).squeeze(2)
 
     def values_at(self, place: Int64[Tensor, "batch sites"]) -> Float[Tensor, "batch sites channels"] | None:
         """The own values of what was proposed at the chosen places, if it has any."""

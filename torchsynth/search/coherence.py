@@ -6,12 +6,13 @@ that continues the same patch at ``p``. A dozen such candidates replace the sear
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from torchsynth._typing import Offsets
@@ -28,22 +29,30 @@ class CoherenceState:
 
     Args:
         index: The candidates.
-        continued: Lines that say which candidate is at an exemplar pixel, with room before and behind; -1
-            where there is none.
-        lines: For each neighbor where its line has the candidate that continues a patch with this neighbor
-            at source 0; the one for source ``s`` is ``s`` places behind it.
+        steps: For each neighbor by how much the position that continues its patch is behind its source.
+        there: Whether there is a candidate at a position. The room behind the last one stands also for
+            the positions before the first, which are negative.
+        lines: Which line of ``there`` each neighbor has to look at, by where it begins; None if there is
+            but one.
         table: Minus twice each weighted candidate, and behind it its weighted squared length, which a
             query's last 1 picks up; behind that, unless every query is complete, minus its weighted
-            squares, for the features that a query lacks. All candidates of the first exemplar come first.
-            None where it would take too much memory: then candidates are read when they are proposed.
-        limits: For each candidate the chance above which it is replaced; None if none is.
+            squares, for the features that a query lacks. A row for each position, those of the first
+            exemplar first, and zeros where there is no candidate. None where it would take too much
+            memory: then candidates are read when they are proposed.
+        begins: The row of each exemplar's first position; None if all samples share one exemplar.
+        rows: For each position which of the candidates is there, any where there is none; None if there
+            is a table.
+        limits: For each position the chance above which a candidate is replaced; None if none is.
     """
 
     index: Index
-    continued: Int64[Tensor, " entries"]
-    lines: Int64[Tensor, " neighbors"]
+    steps: Int64[Tensor, " neighbors"]
+    there: Bool[Tensor, " entries"]
+    lines: Int64[Tensor, " neighbors"] | None
     table: Float[Tensor, "rows extended"] | None
-    limits: Int64[Tensor, " candidates"] | None
+    begins: Int64[Tensor, "exemplars 1 1"] | None
+    rows: Int64[Tensor, " positions"] | None
+    limits: Int64[Tensor, " positions"] | None
 
 
 class Coherence(Part):
@@ -99,27 +108,36 @@ class Coherence(Part):
             index: The candidates.
             complete: Whether every feature of every query will be readable.
         """
-        continued, lines = _continuations(index, self.template.offsets().to(index.sites.device))
-        size = index.exemplars * len(index.sites) * _columns(len(index.weights), complete)
+        offsets = self.template.offsets().to(index.sites.device)
+        there, lines = _continuations(index, offsets)
+        positions = math.prod(index.shape)
+        size = index.exemplars * positions * _columns(len(index.weights), complete)
+        fits = table_fits(size * index.dtype.itemsize)
+        begins = torch.arange(index.exemplars, device=offsets.device) * (
+            positions if fits else len(index.sites)
+        )
         return CoherenceState(
             index=index,
-            continued=continued,
+            steps=_flat(offsets, index),
+            there=there,
             lines=lines,
-            table=_table(index, complete) if table_fits(size * index.dtype.itemsize) else None,
-            limits=_limits(index) if self.spare_bottom else None,
+            table=_table(index, complete) if fits else None,
+            begins=begins.view(-1, 1, 1) if index.exemplars > 1 else None,
+            rows=None if fits else _spread(index, torch.arange(len(index.sites), device=offsets.device)),
+            limits=_spread(index, _limits(index)) if self.spare_bottom else None,
         )
 
     def memory(self, volume: Volume) -> int:
         """About how many bytes fitting takes, and at most so many."""
         table = volume.candidates * _columns(volume.features, volume.complete) * volume.item
-        # Lines are there twice while they are put together.
-        lines = 16 * volume.pixels * (1 + _beyond(self.template.offsets(), volume.layers))
-        return lines + (table if table_fits(table) else 0)
+        # Lines are there twice while they are put together; the rest is a whole number for each pixel.
+        lines = 2 * volume.pixels * (1 + _beyond(self.template.offsets(), volume.layers))
+        return lines + 16 * volume.pixels + (table if table_fits(table) else 0)
 
     def capacity(self, state: CoherenceState) -> int:
         """How many queries, of all samples together, fit the memory budget: at least one."""
         columns = len(state.index.weights) * 3 if state.table is None else state.table.shape[1]
-        row = len(state.lines) * columns * state.index.dtype.itemsize
+        row = len(state.steps) * columns * state.index.dtype.itemsize
         return max(1, MEMORY_BUDGET // (2 * row))
 
     def search(self, state: CoherenceState, query: Query) -> Proposals:
@@ -130,14 +148,14 @@ class Coherence(Part):
             length, which is the same for all its candidates; infinite for neighbors that offer none.
         """
         offers = _offered(query)
-        rows = state.continued.take(offers.source + state.lines)
-        rows = torch.where(rows < 0, offers.spares, rows)
+        source, there = _continued(state, offers)
+        source = torch.where(there, source, offers.spares)
         if state.limits is not None and offers.chances is not None:
-            rows = torch.where(offers.chances > state.limits.take(rows), offers.spares, rows)
-        cost = _costs(state, query, rows)
+            source = torch.where(offers.chances > state.limits.take(source), offers.spares, source)
+        cost = _costs(state, query, source)
         if offers.missing is not None:
             cost.masked_fill_(offers.missing, float("inf"))
-        return Proposals(cost, rows)
+        return Proposals(cost, source)
 
     def continued(self, state: CoherenceState, query: Query) -> Proposals:
         """Propose what the neighbors' patches go on with, and nothing in place of what is no candidate.
@@ -146,10 +164,11 @@ class Coherence(Part):
             As :meth:`search` does; infinite where there is no continuation.
         """
         offers = _offered(query)
-        rows = state.continued.take(offers.source + state.lines)
-        nothing = rows < 0 if offers.missing is None else (rows < 0) | offers.missing
-        rows = rows.clamp(min=0)
-        return Proposals(_costs(state, query, rows).masked_fill_(nothing, float("inf")), rows)
+        source, there = _continued(state, offers)
+        if offers.missing is not None:
+            there &= ~offers.missing
+        source = torch.where(there, source, state.index.sites[0])
+        return Proposals(_costs(state, query, source).masked_fill_(~there, float("inf")), source)
 
 
 def _offered(query: Query) -> Offers:
@@ -165,69 +184,89 @@ def _columns(features: int, complete: bool) -> int:
 def _table(index: Index, complete: bool) -> Float[Tensor, "rows extended"]:
     """The table of :class:`CoherenceState`."""
     weights, features = index.weights.to(index.dtype), len(index.weights)
-    table = weights.new_empty(index.exemplars, len(index.sites), _columns(features, complete))
+    columns, positions = _columns(features, complete), math.prod(index.shape)
+    table = weights.new_zeros(index.exemplars, positions, columns)
     for some in index.slices():
-        vectors, here = index.vectors(some), table[:, some]
+        vectors, sites = index.vectors(some), index.sites[some]
         squares = vectors.square().mul_(weights)
-        here[..., :features] = vectors.mul_(-2 * weights)
-        here[..., features] = squares.sum(2)
+        table[..., :features].index_copy_(1, sites, vectors.mul_(-2 * weights))
+        table[..., features].index_copy_(1, sites, squares.sum(2))
         if not complete:
-            here[..., features + 1 :] = squares.neg_()
+            table[..., features + 1 :].index_copy_(1, sites, squares.neg_())
     return table.flatten(0, 1)
 
 
-def _costs(state: CoherenceState, query: Query, rows: Tensor) -> Float[Tensor, "batch sites neighbors"]:
-    """What the proposed candidates cost."""
-    exemplars, number = state.index.exemplars, len(state.index.sites)
-    if exemplars > 1:  # each sample has an exemplar of its own
-        rows = rows + torch.arange(0, exemplars * number, number, device=rows.device).view(-1, 1, 1)
+def _continued(
+    state: CoherenceState, offers: Offers
+) -> tuple[Int64[Tensor, "batch sites neighbors"], Bool[Tensor, "batch sites neighbors"]]:
+    """The position that continues each neighbor's patch, and whether there is a candidate."""
+    source = offers.source - state.steps
+    return source, state.there.take(source if state.lines is None else source + state.lines)
+
+
+def _costs(state: CoherenceState, query: Query, source: Tensor) -> Float[Tensor, "batch sites neighbors"]:
+    """What the proposed candidates cost, given where they are."""
     if state.table is None:
-        return _read_costs(state.index, query, rows)
+        return _read_costs(state, query, source)
+    rows = source if state.begins is None else source + state.begins
     queries = query.features if query.extended is None else query.extended
-    features = queries.shape[2]
-    table = state.table if features == state.table.shape[1] else state.table[:, :features]
-    proposed = torch.embedding(table, rows).view(-1, rows.shape[2], features)
-    return torch.bmm(proposed, queries.reshape(-1, features, 1)).view(rows.shape)
+    features, table = queries.shape[2], state.table
+    if features < table.shape[1]:
+        table = table[:, :features]
+    proposed = torch.embedding(table, rows).flatten(0, 1)
+    # Queries as rows: the other way around, long ones take twice the time.
+    return torch.bmm(queries.reshape(-1, 1, features), proposed.transpose(1, 2)).view_as(source)
 
 
-def _read_costs(index: Index, query: Query, rows: Tensor) -> Float[Tensor, "batch sites neighbors"]:
+def _read_costs(
+    state: CoherenceState, query: Query, source: Tensor
+) -> Float[Tensor, "batch sites neighbors"]:
     """The same by the candidates themselves: ``(x - 2 q).x`` is ``|x|^2 - 2 q.x``."""
-    proposed, weights = index.at(rows), index.weights.to(index.dtype)
+    assert state.rows is not None, "there is a table otherwise"  # noqa: S101 (for the type checker)
+    rows = state.rows.take(source)
+    index = state.index
+    proposed = index.at(rows if state.begins is None else rows + state.begins)
+    weights = index.weights.to(index.dtype)
     counting = weights if query.readable is None else query.readable * weights
     terms = (proposed - 2 * query.features[..., :-1].unsqueeze(2)).mul_(proposed)
     return torch.matmul(terms, counting.unsqueeze(-1)).squeeze(-1)
 
 
+def _flat(offsets: Offsets, index: Index) -> Int64[Tensor, " neighbors"]:
+    """How far each offset goes in the exemplar's flat positions."""
+    return offsets[:, 0] * index.shape[1] + offsets[:, 1]
+
+
 def _continuations(
     index: Index, offsets: Offsets
-) -> tuple[Int64[Tensor, " entries"], Int64[Tensor, " neighbors"]]:
-    """For each neighbor and each source it may have: the candidate that continues the patch, or -1.
+) -> tuple[Bool[Tensor, " entries"], Int64[Tensor, " neighbors"] | None]:
+    """Whether there is a candidate that continues a patch, for each neighbor and each position.
+
+    The position is that of the neighbor's source less its offset, in flat positions. These go around the
+    exemplar's left and right border; but such a position is a candidate only if its own neighborhood
+    reaches beyond that border, which those that are compared do not. So one line serves all neighbors that
+    are compared; any other has a line of its own, without the candidates that it would reach around.
 
     Returns:
-        Lines, and where each neighbor's begins for source 0; see :class:`CoherenceState`. That of source
-        ``s`` is the candidate at ``s - offset``, in flat positions. These go around the exemplar's left
-        and right border; but such a position is a candidate only if its own neighborhood reaches beyond
-        that border, which those that are compared do not. So one line serves all neighbors that are
-        compared; any other has a line of its own, without the candidates that it would reach around.
+        The lines, and for each neighbor where its own begins; see :class:`CoherenceState`.
     """
     height, width = index.shape
-    flat = offsets[:, 0] * width + offsets[:, 1]
-    room = int(flat.abs().max()) + 1
-    line = torch.full((height * width + 2 * room,), -1, device=offsets.device)
-    line[index.sites + room] = torch.arange(len(index.sites), device=offsets.device)
+    room = int(_flat(offsets, index).abs().max()) + 1
+    line = torch.zeros(height * width + room, dtype=torch.bool, device=offsets.device)
+    line[index.sites] = True
     rows, columns = index.sites // width, index.sites % width
     first, last = torch.stack((rows.amin(), columns.amin())), torch.stack((rows.amax(), columns.amax()))
     sides = torch.tensor((height, width), device=offsets.device)
     within = ((first + offsets >= 0) & (last + offsets < sides)).all(1)
-    lines, starts = [line], room - flat
+    lines, begins = [line], torch.zeros_like(offsets[:, 0])
     for neighbor in (~within).nonzero().squeeze(1).tolist():
         down, across = offsets[neighbor].tolist()
         inside = (
             (rows + down >= 0) & (rows + down < height) & (columns + across >= 0) & (columns + across < width)
         )
-        starts[neighbor] += len(lines) * len(line)
-        lines.append(line.index_fill(0, index.sites[~inside] + room, -1))
-    return torch.cat(lines), starts
+        begins[neighbor] = len(lines) * len(line)
+        lines.append(line.index_fill(0, index.sites[~inside], False))
+    return torch.cat(lines), begins if len(lines) > 1 else None
 
 
 def _beyond(offsets: Offsets, layers: Sequence[Layer]) -> int:
@@ -235,6 +274,12 @@ def _beyond(offsets: Offsets, layers: Sequence[Layer]) -> int:
     compared = [layer.template.offsets() for layer in layers if layer.steps_up == 0]
     reach = torch.cat((*compared, torch.zeros_like(offsets[:1])))
     return int(((offsets < reach.amin(0)) | (offsets > reach.amax(0))).any(1).sum())
+
+
+def _spread(index: Index, numbers: Int64[Tensor, " candidates"]) -> Int64[Tensor, " positions"]:
+    """A number of each candidate, laid out by position; zero where there is none."""
+    spread = numbers.new_zeros(math.prod(index.shape))
+    return spread.index_copy_(0, index.sites, numbers)
 
 
 def _limits(index: Index) -> Int64[Tensor, " candidates"]:

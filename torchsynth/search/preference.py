@@ -131,19 +131,20 @@ class PreferCoherent(Part):
         """
         matched = self.best.search(state.best, query)
         match = first_minimum(matched.cost)
-        continued, rows = _first_best(self._coherence.continued(state.coherence, query))
+        continued, source = _first_best(self._coherence.continued(state.coherence, query))
         common = query.features[..., :-1].square() @ state.weights
         # Whole numbers, but for the factor.
         limit = (match.cost + common).double() * (1 + self.kappa)
         prefers = (continued + common).double() <= limit
         cost = torch.where(prefers, continued.to(match.cost), match.cost)
-        rows = torch.where(prefers, rows, matched.rows_at(match.place))
-        return Proposals(cost.unsqueeze(2), rows.unsqueeze(2))
+        candidates = state.coherence.index.sites
+        source = torch.where(prefers, source, matched.source_at(match.place, candidates))
+        return Proposals(cost.unsqueeze(2), source.unsqueeze(2))
 
 
 def _first_best(proposed: Proposals) -> tuple[Tensor, Tensor]:
-    """The smallest cost of each query, and the first candidate of that cost."""
-    assert proposed.rows is not None, "coherent candidates have rows"  # noqa: S101 (for the type checker)
+    """The smallest cost of each query, and the first position of that cost."""
+    assert proposed.source is not None, "coherent candidates are given by position"  # noqa: S101 (for the type checker)
     smallest = proposed.cost.amin(2, keepdim=True)
-    rows = proposed.rows.masked_fill(proposed.cost > smallest, torch.iinfo(torch.int64).max)
-    return smallest.squeeze(2), rows.amin(2)
+    source = proposed.source.masked_fill(proposed.cost > smallest, torch.iinfo(torch.int64).max)
+    return smallest.squeeze(2), source.amin(2)

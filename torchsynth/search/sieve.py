@@ -78,7 +78,7 @@ class Sieve(NamedTuple):
         if len(asking) * _FEW > flat.numel():
             return None
         cost = _exact(index, query, asking, found)
-        return _packed(cost, asking, found, flat.shape[0], flat.shape[1])
+        return _packed(cost, asking, index.sites.take(found), flat.shape[0], flat.shape[1])
 
 
 def _exact(
@@ -108,7 +108,7 @@ def _exact(
 def _packed(
     cost: Float[Tensor, " pairs"],
     asking: Int64[Tensor, " pairs"],
-    found: Int64[Tensor, " pairs"],
+    source: Int64[Tensor, " pairs"],
     batch: int,
     sites: int,
 ) -> Proposals:
@@ -117,6 +117,6 @@ def _packed(
     place = torch.arange(len(asking), device=asking.device) - (counts.cumsum(0) - counts)[asking]
     packed = cost.new_full((batch * sites, int(counts.max())), torch.inf)
     packed[asking, place] = cost
-    rows = torch.zeros_like(packed, dtype=torch.int64)
-    rows[asking, place] = found
-    return Proposals(packed.view(batch, sites, -1), rows.view(batch, sites, -1))
+    sources = torch.zeros_like(packed, dtype=torch.int64)
+    sources[asking, place] = source
+    return Proposals(packed.view(batch, sites, -1), sources.view(batch, sites, -1))

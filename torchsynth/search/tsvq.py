@@ -109,7 +109,7 @@ class TSVQState:
         tree: The codebook.
         nodes: What descents know of it.
         members: The vectors in the order of the tree's members.
-        rows: Which candidates they are.
+        sites: Which exemplar positions they are.
         leaves: How they are shared out among the leaves.
         weights: How much each feature's squared difference counts.
         exemplars: How many exemplars there are.
@@ -120,7 +120,7 @@ class TSVQState:
     tree: Tree
     nodes: Nodes
     members: Float[Tensor, "vectors features"]
-    rows: Int64[Tensor, " vectors"]
+    sites: Int64[Tensor, " vectors"]
     leaves: Leaves
     weights: Float[Tensor, " features"]
     exemplars: int
@@ -182,7 +182,7 @@ class TSVQ(Part):
         >>> index = Index.of_vectors(torch.tensor([[[0.0], [1.0], [9.0]]]), torch.tensor([1]))
         >>> search = TSVQ(depth=2)
         >>> found = search.search(search.fit(index, complete=True), Query(torch.tensor([[[8.0, 1.0]]])))
-        >>> found.rows.flatten()[found.cost.flatten().argmin()].item()
+        >>> found.source.flatten()[found.cost.flatten().argmin()].item()
         2
     """
 
@@ -242,7 +242,7 @@ class TSVQ(Part):
             tree=tree,
             nodes=Nodes.of(tree, weights, index.exemplars),
             members=members,
-            rows=tree.members % len(index.sites),
+            sites=index.sites.take(tree.members % len(index.sites)),
             leaves=Leaves.of(tree, members, weights),
             weights=weights,
             exemplars=index.exemplars,
@@ -278,8 +278,8 @@ class TSVQ(Part):
             cost = asked.costs_of(state.nodes, leaves)
             own = state.own.index_select(0, leaves.view(-1)).view(*shape[:2], leaves.shape[1], -1)
             return Proposals(cost.view(shape), torch.zeros_like(leaves).view(shape), own)
-        cost, rows = _best_of_blocks(state, asked, leaves)
-        return Proposals(cost.view(shape), rows.view(shape))
+        cost, source = _best_of_blocks(state, asked, leaves)
+        return Proposals(cost.view(shape), source.view(shape))
 
 
 def _mean_values(tree: Tree, index: Index) -> Float[Tensor, "nodes channels"]:
@@ -340,12 +340,12 @@ def _descend_beam(nodes: Nodes, asked: _Asked, at: Tensor, beam: int) -> Int64[T
 
 
 def _best_of_blocks(state: TSVQState, asked: _Asked, leaves: Tensor) -> tuple[Tensor, Tensor]:
-    """The cost and candidate of the best member in each block, the blocks of each query in a row.
+    """The cost and position of the best member in each block, the blocks of each query in a row.
 
     Blocks, and not leaves, because the number of members differs so much from leaf to leaf.
     """
     blocks, queries, places, most = _blocks_of(state.leaves, leaves)
-    costs, rows = [], []
+    costs, sources = [], []
     few = max(1, _CHUNK // state.leaves.places.shape[1])
     for block, query in zip(blocks.split(few), queries.split(few), strict=True):
         members = state.leaves.places.index_select(0, block)
@@ -353,10 +353,10 @@ def _best_of_blocks(state: TSVQState, asked: _Asked, leaves: Tensor) -> tuple[Te
         cost = asked.costs(query, vectors, state.leaves.lengths.index_select(0, block))
         smallest, place = cost.min(1)
         costs.append(smallest)
-        rows.append(state.rows.index_select(0, members.gather(1, place.unsqueeze(1)).squeeze(1)))
+        sources.append(state.sites.index_select(0, members.gather(1, place.unsqueeze(1)).squeeze(1)))
     shape = len(leaves), most
     every = costs[0].new_full(shape, float("inf")).put_(places, torch.cat(costs))
-    return every, rows[0].new_zeros(shape).put_(places, torch.cat(rows))
+    return every, sources[0].new_zeros(shape).put_(places, torch.cat(sources))
 
 
 def _blocks_of(leaves: Leaves, chosen: Int64[Tensor, "queries beam"]) -> tuple[Tensor, Tensor, Tensor, int]:
