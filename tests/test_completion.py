@@ -334,7 +334,7 @@ def test_tiling_takes_a_hole_for_each_picture(make_exemplar):
 
 
 def test_progress_is_told_often(make_exemplar, monkeypatch):
-    monkeypatch.setattr("torchsynth.sweep._TOLD", 20)
+    monkeypatch.setattr("torchsynth.visits._TOLD", 20)
     told = []
     recipe = ts.recipes.wei_levoy(levels=1, neighborhood=3)
     ts.synthesize(make_exemplar(1, 12, 12), (20, 20), recipe, progress=lambda *one: told.append(one[2]))

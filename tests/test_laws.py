@@ -153,7 +153,7 @@ def test_memory_budget_does_not_matter(make_exemplar, recipe, monkeypatch):
     monkeypatch.setattr("torchsynth.search.exhaustive.MEMORY_BUDGET", 4000)
     monkeypatch.setattr("torchsynth.search.coherence.MEMORY_BUDGET", 4000)
     monkeypatch.setattr("torchsynth.search.tsvq.MEMORY_BUDGET", 4000)
-    monkeypatch.setattr("torchsynth.sweep.GROUP", 5)
+    monkeypatch.setattr("torchsynth.visits.GROUP", 5)
     monkeypatch.setattr("torchsynth.search.exhaustive._ONE_BLOCK", 16)
     monkeypatch.setattr("torchsynth.search.exhaustive._BLOCK", 7)
     monkeypatch.setattr("torchsynth.index.CHUNK", 3000)

@@ -16,7 +16,7 @@ from torchsynth.neighborhood import Layer, layers_at
 from torchsynth.pyramid import level_shapes
 from torchsynth.recipe import Recipe
 from torchsynth.search.base import MEMORY_BUDGET, Volume
-from torchsynth.sweep import group_size
+from torchsynth.visits import group_size
 
 _FALLBACK_MEMORY = 16 * 2**30
 

@@ -26,8 +26,9 @@ from torchsynth.pyramid import blur, border_of, level_shapes
 from torchsynth.recipe import Recipe
 from torchsynth.result import Level, Result, breaks
 from torchsynth.schedule import visited_rows
-from torchsynth.sweep import Fitted, run_sweep
+from torchsynth.sweep import Fitted
 from torchsynth.task import Task, check_pictures
+from torchsynth.visits import run_sweep
 
 Progress: TypeAlias = Callable[[int, int, int, int, Callable[[], Image]], None]
 """``(level, sweep, done, total, preview)``: the level being synthesized (0 the finest), the number of
