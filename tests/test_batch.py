@@ -11,13 +11,15 @@ import subprocess
 import sys
 import threading
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import torchsynth as ts
-from torchsynth.batch import Grid, Report, in_process, load_grid, on_ray, run_batch
+from torchsynth.batch import Grid, Manifest, Report, in_process, load_grid, on_ray, run_batch
+from torchsynth.batch.work import Made, Output
 from torchsynth.cli import main
 from torchsynth.io import read_picture
 
@@ -144,6 +146,37 @@ def test_killed_it_goes_on(folder):
     assert len(whole.made) == 96
     assert _pictures(made) == _pictures(folder / "whole")
     assert not list(made.glob(".*"))
+
+
+def test_the_manifest_is_written_ever_more_seldom(tmp_path, monkeypatch):
+    written = []
+    monkeypatch.setattr(
+        "torchsynth.batch.manifest.json.dumps", lambda found, **_: written.append(len(found["outputs"])) or ""
+    )
+    manifest = Manifest(tmp_path)
+    for number in range(1000):
+        output = Output(str(number), number, f"made-{number}", {})
+        manifest.save([Made(output, {f"made-{number}.png": b"1"}, "0")])
+    assert written[:3] == [1, 2, 3]
+    assert len(written) < 100  # a sixteenth more each time
+    assert all(later < 1.1 * earlier + 1 for earlier, later in pairwise(written))
+    manifest.write()
+    assert written[-1] == len(list(tmp_path.glob("*.png"))) == 1000
+
+
+def test_stopped_it_has_noted_all_that_is_finished(folder, monkeypatch):
+    """Also what came after the manifest was last written."""
+    monkeypatch.setattr("torchsynth.batch.manifest._SHARE", 2)
+
+    def stop(done, _total, _about):
+        if done >= 6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(load_grid(Path("jobs.yaml")), folder / "made", progress=stop)
+    noted = json.loads(Path("made/manifest.json").read_text(encoding="utf-8"))["outputs"].values()
+    assert len(noted) == 6
+    assert sorted(entry["file"] for entry in noted) == sorted(_pictures(folder / "made"))
 
 
 def test_one_bad_job_does_not_stop_the_rest(folder, capsys, make_exemplar):

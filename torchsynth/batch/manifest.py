@@ -20,6 +20,10 @@ NAME = "manifest.json"
 
 _FORMAT = "torchsynth batch 1"
 
+# The manifest is written when it has grown by such a share, so that writing it takes time in proportion to the
+# number of outputs, and not to its square.
+_SHARE = 1 / 16
+
 
 @dataclass
 class Manifest:
@@ -28,10 +32,12 @@ class Manifest:
     Args:
         folder: Where they are.
         entries: For each key what was made, its files, and the picture's SHA-256.
+        unwritten: How many of them its file does not have yet.
     """
 
     folder: Path
     entries: dict[str, dict[str, Any]] = field(default_factory=dict)
+    unwritten: int = 0
 
     @classmethod
     def read(cls, folder: Path) -> Manifest:
@@ -84,9 +90,10 @@ class Manifest:
         return True
 
     def save(self, finished: Sequence[Made]) -> None:
-        """Write the files of some outputs, and then the manifest that names them.
+        """Write the files of some outputs, and, once they are many beside those it names, the manifest.
 
-        Each is written whole or not at all, and an output's record after its picture.
+        Each file is written whole or not at all, and an output's record after its picture. What the manifest's
+        file does not name is found again by its record.
 
         Args:
             finished: The outputs.
@@ -94,16 +101,28 @@ class Manifest:
         Raises:
             OutputError: If the disk is full, or anything else keeps a file from being written.
         """
-        for made in finished:
-            names = list(made.files)
-            entry = {"file": names[0], "sha256": made.sha256, "files": names} | made.output.about
-            self.entries[made.output.key] = entry
-        content = json.dumps({"format": _FORMAT, "outputs": self.entries}, indent=1, sort_keys=True)
         with staging() as put:
             for made in finished:
                 for name, data in made.files.items():
                     put(self.folder / name, data)
+        for made in finished:
+            names = list(made.files)
+            entry = {"file": names[0], "sha256": made.sha256, "files": names} | made.output.about
+            self.entries[made.output.key] = entry
+        self.unwritten += len(finished)
+        if self.unwritten >= _SHARE * len(self.entries):
+            self.write()
+
+    def write(self) -> None:
+        """Write the manifest, whole or not at all.
+
+        Raises:
+            OutputError: If the disk is full, or anything else keeps it from being written.
+        """
+        content = json.dumps({"format": _FORMAT, "outputs": self.entries}, indent=1, sort_keys=True)
+        with staging() as put:
             put(self.folder / NAME, content.encode())
+        self.unwritten = 0
 
     def clear(self) -> None:
         """Remove what a process left behind that was killed while it wrote."""

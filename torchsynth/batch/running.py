@@ -39,9 +39,9 @@ def run_batch(
 ) -> Report:
     """Make all outputs of a grid, those of one exemplar, recipe and size some at a time.
 
-    Pictures, records and the manifest are written whole or not at all, as soon as a batch is finished. Stopped at
-    any moment and started again, it makes what is missing. One job that cannot be done does not keep
-    the others from being done.
+    Pictures and records are written whole or not at all, as soon as a batch is finished, and so is the
+    manifest now and then, and at the end. Stopped at any moment and started again, it makes what is missing.
+    One job that cannot be done does not keep the others from being done.
 
     Args:
         grid: What is wanted.
@@ -66,20 +66,24 @@ def run_batch(
     manifest = _opened(folder)
     planned = plan(grid)
     work, failures, kept = _left_to_do(planned, manifest)
-    manifest.save([])
+    manifest.write()
     total = len(planned.outputs)
     made: list[Path] = []
     done = total - sum(len(one.outputs) for one in work)
-    for outcome in engine(work):
-        if isinstance(outcome, Failure):
-            failures.append(outcome)
-            done, about = done + outcome.outputs, outcome.about
-        else:
-            manifest.save(outcome)
-            made.extend(folder / next(iter(one.files)) for one in outcome)
-            done, about = done + len(outcome), made[-1].name
-        if progress is not None:
-            progress(done, total, about)
+    try:
+        for outcome in engine(work):
+            if isinstance(outcome, Failure):
+                failures.append(outcome)
+                done, about = done + outcome.outputs, outcome.about
+            else:
+                manifest.save(outcome)
+                made.extend(folder / next(iter(one.files)) for one in outcome)
+                done, about = done + len(outcome), made[-1].name
+            if progress is not None:
+                progress(done, total, about)
+    finally:
+        if manifest.unwritten:
+            manifest.write()
     return Report(tuple(made), kept, tuple(failures))
 
 
