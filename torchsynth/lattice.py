@@ -110,9 +110,13 @@ def only(reads: Reads, there: Bool[Tensor, "sites neighbors"], shape: Shape) -> 
 
 
 def _around(places: Tensor, length: int, step: int = 1) -> Tensor:
-    """Places on a ring of some length, each as so many steps: from a table, as division takes far longer."""
-    if places.numel() == 0:
-        return places
-    first, last = (int(end) for end in places.aminmax())
-    table = torch.arange(first, last + 1, device=places.device).remainder_(length).mul_(step)
-    return table.take(places - first)
+    """Places on a ring of some length, each as so many steps.
+
+    From a table where that is the smaller one, as divisions take twice the time of look-ups.
+    """
+    if places.numel() > 0:
+        first, last = (int(end) for end in places.aminmax())
+        if last - first < places.numel():
+            table = torch.arange(first, last + 1, device=places.device).remainder_(length).mul_(step)
+            return table.take(places - first)
+    return places.remainder(length).mul_(step)
