@@ -96,7 +96,7 @@ def test_a_batch_and_a_valid_region_have_their_codebook(make_exemplar, dtype):
     assert {tree.roots for tree in codebook.trees.values()} == {3}
     with_it = ts.synthesize(sample, (7, 7), RECIPE, codebook=codebook)
     assert same(with_it, ts.synthesize(sample, (7, 7), RECIPE))
-    with pytest.raises(ts.InputError, match="it was trained on another image or valid region"):
+    with pytest.raises(ts.InputError, match="it was trained on another image, dtype or valid region"):
         ts.synthesize(batch, (7, 7), RECIPE, codebook=codebook)
 
 
@@ -184,7 +184,7 @@ def test_a_codebook_of_another_exemplar_is_refused(exemplar, codebook, change):
         other[2, 15, 15] = 1 - other[2, 15, 15]
     message = (
         r"^codebook: must have been trained on this exemplar \(SHA-256 \w{12}\.\.\.\), but it was trained on "
-        r"another image or valid region \(\w{12}\.\.\.\); train one for it"
+        r"another image, dtype or valid region \(\w{12}\.\.\.\); train one for it"
     )
     with pytest.raises(ts.InputError, match=message):
         ts.synthesize(other, (6, 6), RECIPE, codebook=codebook)
@@ -428,7 +428,7 @@ def test_the_command_line_takes_a_recipe_file_and_a_region(runs):
     use = ("--config", "my.yaml", "--codebook", "book.safetensors", "--size", "5x5")
     runs("synthesize", "a.png", "-o", "out.png", "--valid", "valid.png", *use)
     told = runs("synthesize", "a.png", "-o", "other.png", *use, code=2)
-    assert "but it was trained on another image or valid region" in told
+    assert "but it was trained on another image, dtype or valid region" in told
 
 
 def test_what_the_command_line_refuses(runs):

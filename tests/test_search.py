@@ -13,7 +13,7 @@ from torchsynth.index import Index
 from torchsynth.initial import SeedPatch
 from torchsynth.neighborhood import Plane, Planes
 from torchsynth.schedule import OnionPeel
-from torchsynth.search import Exhaustive, Offers, Query
+from torchsynth.search import Exhaustive, Offers, Query, coherence
 
 
 def _whole(generator, *shape):
@@ -130,6 +130,34 @@ def test_tables_are_kept_only_within_the_budget(monkeypatch, search, complete):
     for budget, kept in ((5200 * 4 * rows, True), (4900 * 4 * rows, False)):
         monkeypatch.setattr("torchsynth.search.base.TABLE_BUDGET", budget)
         assert (search.fit(index, complete=complete).table is not None) == kept
+
+
+@pytest.mark.parametrize("exemplars", [1, 2])
+@pytest.mark.parametrize("spare_bottom", [False, True])
+def test_a_table_of_candidates_is_as_good_as_one_of_positions(monkeypatch, exemplars, spare_bottom):
+    """Where few positions are candidates, the table has no rows for the others."""
+    heights = []
+    table_of = coherence._table
+
+    def noted(index, height, complete):
+        heights.append((height, len(index.sites)))
+        return table_of(index, height, complete)
+
+    monkeypatch.setattr(coherence, "_table", noted)
+    valid = torch.zeros(30, 25, dtype=torch.bool)
+    valid[3:18, 4:22] = True
+    valid[6, 9] = False
+    image = torch.rand(exemplars, 1, 30, 25, generator=torch.Generator().manual_seed(3))
+    exemplar = ts.Exemplar((image * 4).round() / 4, valid=valid)
+    recipe = ts.recipes.ashikhmin(spare_bottom=spare_bottom)
+    seeds = [7, 8]
+    few = ts.synthesize(exemplar, (14, 13), recipe, seed=seeds)
+    assert all(height == candidates for height, candidates in heights)
+    monkeypatch.setattr(coherence, "_NEARLY_ALL", 0.0)
+    every = ts.synthesize(exemplar, (14, 13), recipe, seed=seeds)
+    assert heights[-1][0] == 30 * 25 > 2 * heights[-1][1]
+    assert few.source.equal(every.source)
+    assert few.cost.equal(every.cost)
 
 
 def test_continuations_beyond_what_is_compared_never_reach_around():

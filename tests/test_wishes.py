@@ -200,6 +200,9 @@ def test_what_needs_sources_is_refused_without_them(run, folder):
     (lambda: checks.check_field(10**400, "angle", None), "angle: must be finite"),
     (lambda: checks.check_field(1e300, "scale", (0.5, 2.0)), "scale: must lie from 0.5 to 2, but it is 1e"),
     (lambda: ts.field.zoom((3, 3), 0.0, 1.0), "zoom: must go from a factor above 0"),
+    (lambda: ts.field.swirl((0, 8), 3.0), "swirl: must be made for an output of at least 1x1, but the shape is 0x8"),
+    (lambda: ts.field.constant((3, 3), float("inf")), "constant: value must be finite, but it is inf"),
+    (lambda: ts.field.wave((3, 3), 1.0, float("nan")), "wave: periods must be finite, but it is nan"),
 ])  # fmt: skip
 def test_wrong_controls_are_told(make, message):
     with pytest.raises((ts.InputError, ts.ConfigError), match=message):

@@ -274,7 +274,7 @@ class Codebook:
         if here != self.exemplar:
             raise InputError(
                 "codebook", f"must have been trained on this exemplar (SHA-256 {here[:12]}...)",
-                f"it was trained on another image or valid region ({self.exemplar[:12]}...)", _REMEDY,
+                f"it was trained on another image, dtype or valid region ({self.exemplar[:12]}...)", _REMEDY,
             )  # fmt: skip
         for training in needed:
             fact = self._difference(training) or _misfit(self.trees[training], training, planes)

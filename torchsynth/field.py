@@ -24,10 +24,18 @@ _GRID = 2**20
 def constant(shape: Shape, value: float) -> FieldMap:
     """The same value everywhere.
 
+    Args:
+        shape: Height and width of the output.
+        value: The value.
+
+    Raises:
+        InputError: If a side is less than 1, or the value is not finite.
+
     Example:
         >>> constant((1, 3), 30.0).tolist()
         [[30.0, 30.0, 30.0]]
     """
+    _check("constant", shape, value=value)
     return torch.full(shape, float(value), dtype=torch.float64)
 
 
@@ -38,10 +46,14 @@ def swirl(shape: Shape, degrees: float) -> FieldMap:
         shape: Height and width of the output.
         degrees: The angle in the center.
 
+    Raises:
+        InputError: If a side is less than 1, or the angle is not finite.
+
     Example:
         >>> swirl((3, 3), 90.0).round().tolist()
         [[0.0, 26.0, 0.0], [26.0, 90.0, 26.0], [0.0, 26.0, 0.0]]
     """
+    _check("swirl", shape, degrees=degrees)
     rows, columns = _centered(shape)
     return degrees * (1 - torch.hypot(rows, columns) / math.sqrt(2)).clamp(min=0)
 
@@ -53,10 +65,14 @@ def radial(shape: Shape, degrees: float = 0.0) -> FieldMap:
         shape: Height and width of the output.
         degrees: Added everywhere: with 90, what points right runs around the center.
 
+    Raises:
+        InputError: If a side is less than 1, or the angle is not finite.
+
     Example:
         >>> radial((3, 3)).tolist()[1]
         [180.0, 0.0, 0.0]
     """
+    _check("radial", shape, degrees=degrees)
     rows, columns = _centered(shape)
     return torch.rad2deg(torch.atan2(0 - rows * shape[0], columns * shape[1])) + degrees
 
@@ -70,12 +86,13 @@ def zoom(shape: Shape, left: float, right: float) -> FieldMap:
         right: The scale at the right border.
 
     Raises:
-        InputError: If one of them is not more than 0.
+        InputError: If one of them is not more than 0, or not finite, or a side is less than 1.
 
     Example:
         >>> zoom((1, 3), 0.5, 2.0).round(decimals=9).tolist()
         [[0.5, 1.0, 2.0]]
     """
+    _check("zoom", shape, left=left, right=right)
     if not (left > 0 and right > 0):
         raise InputError(
             "zoom", "must go from a factor above 0 to another", f"it goes from {left:g} to {right:g}",
@@ -95,10 +112,14 @@ def wave(shape: Shape, amplitude: float, periods: float = 2.0, middle: float = 0
         periods: How many waves the width holds.
         middle: What it swings around.
 
+    Raises:
+        InputError: If a side is less than 1, or one of the numbers is not finite.
+
     Example:
         >>> wave((1, 5), 20.0, 1.0).round().tolist()
         [[0.0, 19.0, 12.0, -12.0, -19.0]]
     """
+    _check("wave", shape, amplitude=amplitude, periods=periods, middle=middle)
     columns = torch.arange(shape[1], dtype=torch.float64) / shape[1]
     return (middle + amplitude * torch.sin(2 * math.pi * periods * columns)).expand(shape)
 
@@ -147,6 +168,18 @@ def at_level(field: FieldMap, shape: Shape) -> FieldMap:
         for small, large in zip(shape, field.shape, strict=True)
     )
     return field[rows][:, columns]
+
+
+def _check(maker: str, shape: Shape, **numbers: float) -> None:
+    """Fields have pixels, and their numbers an end."""
+    if min(shape) < 1:
+        raise InputError(
+            maker, "must be made for an output of at least 1x1", f"the shape is {shape[0]}x{shape[1]}",
+            "pass (height, width)",
+        )  # fmt: skip
+    for name, number in numbers.items():
+        if not math.isfinite(number):
+            raise InputError(maker, f"{name} must be finite", f"it is {number:g}", "pass a plain number")
 
 
 def _centered(shape: Shape) -> tuple[Tensor, Tensor]:

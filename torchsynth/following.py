@@ -49,7 +49,7 @@ def with_target(recipe: Recipe, *, passes: int | None = None) -> Recipe:
     check_type(recipe, Recipe, "recipe", "pass e.g. torchsynth.recipes.wei_levoy()")
     if passes is None:
         passes = 1 if recipe.patches is None else _PASSES_OF_TRANSFER
-    if not isinstance(passes, int) or not 1 <= passes <= _MOST_PASSES:
+    if isinstance(passes, bool) or not isinstance(passes, int) or not 1 <= passes <= _MOST_PASSES:
         raise ConfigError(
             "passes", f"must be from 1 to {_MOST_PASSES}", f"it is {passes}", "choose a number between them"
         )

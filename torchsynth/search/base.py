@@ -112,7 +112,7 @@ def chance(draws: Int64[Tensor, "*any"]) -> Int64[Tensor, "*any"]:
 
 
 def spare(draws: Int64[Tensor, "*any"], number: int) -> Int64[Tensor, "*any"]:
-    """A random candidate of so many, for each draw.
+    """The number of a random candidate of so many, for each draw.
 
     Example:
         >>> spare(torch.tensor([0, 2**30, 2**31 - 1]), 10).tolist()
@@ -185,8 +185,9 @@ class Proposals(NamedTuple):
 
     Args:
         cost: See :data:`Costs`.
-        source: ``(B, sites, columns)``: the flat exemplar position that each cost belongs to; None where
-            place ``i``, counted through the blocks, is candidate ``i`` of the index.
+        source: ``(B, sites, columns)``: the flat exemplar position that each cost belongs to, any if it is
+            a value of its own; None where place ``i``, counted through the blocks, is candidate ``i`` of
+            the index.
         values: ``(B, sites, columns, C)``: the value that each proposal has of its own; None where
             proposals are copies of exemplar pixels.
     """

@@ -22,6 +22,9 @@ from torchsynth.part import Part
 from torchsynth.search.base import MEMORY_BUDGET, Offers, Proposals, Query, Volume, table_fits
 from torchsynth.template import Template
 
+# From such a share of the positions on, the table has a row for each of them.
+_NEARLY_ALL = 0.75
+
 
 @dataclass(frozen=True)
 class CoherenceState:
@@ -30,18 +33,19 @@ class CoherenceState:
     Args:
         index: The candidates.
         steps: For each neighbor by how much the position that continues its patch is behind its source.
-        there: Whether there is a candidate at a position. The room behind the last one stands also for
-            the positions before the first, which are negative.
+        there: Lines that say whether there is a candidate at a position, each with room behind its last one.
+            Positions before the first are negative, and so end up in the room of the line before, or, as
+            negative places count from the end, of the last line.
         lines: Which line of ``there`` each neighbor has to look at, by where it begins; None if there is
             but one.
         table: Minus twice each weighted candidate, and behind it its weighted squared length, which a
             query's last 1 picks up; behind that, unless every query is complete, minus its weighted
-            squares, for the features that a query lacks. A row for each position, those of the first
-            exemplar first, and zeros where there is no candidate. None where it would take too much
-            memory: then candidates are read when they are proposed.
-        begins: The row of each exemplar's first position; None if all samples share one exemplar.
-        rows: For each position which of the candidates is there, any where there is none; None if there
-            is a table.
+            squares, for the features that a query lacks. None where it would take too much memory: then
+            candidates are read when they are proposed.
+        rows: For each position which of the candidates is there, any where there is none. None if the
+            table has a row for each position, with zeros where there is no candidate: that spares a
+            look-up, where nearly all positions are candidates.
+        begins: Which row, or candidate, is the first of each exemplar; None if all samples share one.
         limits: For each position the chance above which a candidate is replaced; None if none is.
     """
 
@@ -50,8 +54,8 @@ class CoherenceState:
     there: Bool[Tensor, " entries"]
     lines: Int64[Tensor, " neighbors"] | None
     table: Float[Tensor, "rows extended"] | None
-    begins: Int64[Tensor, "exemplars 1 1"] | None
     rows: Int64[Tensor, " positions"] | None
+    begins: Int64[Tensor, "exemplars 1 1"] | None
     limits: Int64[Tensor, " positions"] | None
 
 
@@ -110,20 +114,21 @@ class Coherence(Part):
         """
         offsets = self.template.offsets().to(index.sites.device)
         there, lines = _continuations(index, offsets)
-        positions = math.prod(index.shape)
-        size = index.exemplars * positions * _columns(len(index.weights), complete)
-        fits = table_fits(size * index.dtype.itemsize)
-        begins = torch.arange(index.exemplars, device=offsets.device) * (
-            positions if fits else len(index.sites)
-        )
+        number, positions = len(index.sites), math.prod(index.shape)
+        height = positions if number > _NEARLY_ALL * positions else number
+        size = index.exemplars * height * _columns(len(index.weights), complete)
+        table = _table(index, height, complete) if table_fits(size * index.dtype.itemsize) else None
+        each = torch.arange(number, device=offsets.device)
+        rows = _spread(index, each) if table is None or height == number else None
+        begins = torch.arange(index.exemplars, device=offsets.device) * (number if table is None else height)
         return CoherenceState(
             index=index,
             steps=_flat(offsets, index),
             there=there,
             lines=lines,
-            table=_table(index, complete) if fits else None,
+            table=table,
+            rows=rows,
             begins=begins.view(-1, 1, 1) if index.exemplars > 1 else None,
-            rows=None if fits else _spread(index, torch.arange(len(index.sites), device=offsets.device)),
             limits=_spread(index, _limits(index)) if self.spare_bottom else None,
         )
 
@@ -167,7 +172,9 @@ class Coherence(Part):
         source, there = _continued(state, offers)
         if offers.missing is not None:
             there &= ~offers.missing
-        source = torch.where(there, source, state.index.sites[0])
+        source = torch.where(
+            there, source, state.index.sites[0]
+        )  # anything that has a cost: it will not count
         return Proposals(_costs(state, query, source).masked_fill_(~there, float("inf")), source)
 
 
@@ -181,34 +188,40 @@ def _columns(features: int, complete: bool) -> int:
     return features + 1 if complete else 2 * features + 1
 
 
-def _table(index: Index, complete: bool) -> Float[Tensor, "rows extended"]:
-    """The table of :class:`CoherenceState`."""
+def _table(index: Index, height: int, complete: bool) -> Float[Tensor, "rows extended"]:
+    """The table of :class:`CoherenceState`: of each exemplar as many rows as it has candidates, or positions."""
     weights, features = index.weights.to(index.dtype), len(index.weights)
-    columns, positions = _columns(features, complete), math.prod(index.shape)
-    table = weights.new_zeros(index.exemplars, positions, columns)
+    table = weights.new_zeros(index.exemplars, height, _columns(features, complete))
+    rows = torch.arange(height, device=table.device) if height == len(index.sites) else index.sites
     for some in index.slices():
-        vectors, sites = index.vectors(some), index.sites[some]
+        vectors, here = index.vectors(some), rows[some]
         squares = vectors.square().mul_(weights)
-        table[..., :features].index_copy_(1, sites, vectors.mul_(-2 * weights))
-        table[..., features].index_copy_(1, sites, squares.sum(2))
+        table[..., :features].index_copy_(1, here, vectors.mul_(-2 * weights))
+        table[..., features].index_copy_(1, here, squares.sum(2))
         if not complete:
-            table[..., features + 1 :].index_copy_(1, sites, squares.neg_())
+            table[..., features + 1 :].index_copy_(1, here, squares.neg_())
     return table.flatten(0, 1)
 
 
 def _continued(
     state: CoherenceState, offers: Offers
 ) -> tuple[Int64[Tensor, "batch sites neighbors"], Bool[Tensor, "batch sites neighbors"]]:
-    """The position that continues each neighbor's patch, and whether there is a candidate."""
+    """The position that continues each neighbor's patch, and whether there is a candidate.
+
+    Where a neighbor has no source, there is none: -1 is beyond the left border of the first row, and what
+    continues it reaches beyond that border as well.
+    """
     source = offers.source - state.steps
     return source, state.there.take(source if state.lines is None else source + state.lines)
 
 
 def _costs(state: CoherenceState, query: Query, source: Tensor) -> Float[Tensor, "batch sites neighbors"]:
     """What the proposed candidates cost, given where they are."""
+    rows = source if state.rows is None else state.rows.take(source)
+    if state.begins is not None:
+        rows = rows + state.begins
     if state.table is None:
-        return _read_costs(state, query, source)
-    rows = source if state.begins is None else source + state.begins
+        return _read_costs(state.index, query, rows)
     queries = query.features if query.extended is None else query.extended
     features, table = queries.shape[2], state.table
     if features < table.shape[1]:
@@ -218,15 +231,9 @@ def _costs(state: CoherenceState, query: Query, source: Tensor) -> Float[Tensor,
     return torch.bmm(queries.reshape(-1, 1, features), proposed.transpose(1, 2)).view_as(source)
 
 
-def _read_costs(
-    state: CoherenceState, query: Query, source: Tensor
-) -> Float[Tensor, "batch sites neighbors"]:
+def _read_costs(index: Index, query: Query, rows: Tensor) -> Float[Tensor, "batch sites neighbors"]:
     """The same by the candidates themselves: ``(x - 2 q).x`` is ``|x|^2 - 2 q.x``."""
-    assert state.rows is not None, "there is a table otherwise"  # noqa: S101 (for the type checker)
-    rows = state.rows.take(source)
-    index = state.index
-    proposed = index.at(rows if state.begins is None else rows + state.begins)
-    weights = index.weights.to(index.dtype)
+    proposed, weights = index.at(rows), index.weights.to(index.dtype)
     counting = weights if query.readable is None else query.readable * weights
     terms = (proposed - 2 * query.features[..., :-1].unsqueeze(2)).mul_(proposed)
     return torch.matmul(terms, counting.unsqueeze(-1)).squeeze(-1)

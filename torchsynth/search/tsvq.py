@@ -384,7 +384,7 @@ def _blocks_of(leaves: Leaves, chosen: Int64[Tensor, "queries beam"]) -> tuple[T
 
 def _numbers_per_query(state: TSVQState, beam: int) -> int:
     """The most numbers that a search holds for each query at once, beyond a chunk of members."""
-    # For each block its own number, query and place, its cost and candidate, and these laid out in rows.
+    # For each block its own number, query and place, its cost and position, and these laid out in rows.
     blocks = 12 * beam * int(state.leaves.sizes.max())
     # The queries in three forms, and the nodes of a step.
     return blocks + (3 + 4 * beam) * state.members.shape[1] + 2 * _TOP
