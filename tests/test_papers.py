@@ -140,7 +140,7 @@ def test_equals_ashikhmin_on_several_levels(make_exemplar, size, noise, boundary
     result = ts.synthesize(sample, size, recipe, seed=8)
     samples = [_whole(torch.as_tensor(level)) for level in wei_levoy.pyramid(sample, 2, "reflect")]
     generator = torch.Generator().manual_seed(8)
-    sizes = [size, (size[0] // 2, size[1] // 2)]
+    sizes = _halved(size)
     draws = iter(
         [
             _Start(
@@ -156,6 +156,11 @@ def test_equals_ashikhmin_on_several_levels(make_exemplar, size, noise, boundary
     assert result.source[0].permute(1, 2, 0).tolist() == _sources(literal)
 
 
+def _halved(size):
+    """The sizes of two levels."""
+    return [size, (size[0] // 2, size[1] // 2)]
+
+
 def _orders(seed, sizes):
     """The pixels of each level in the library's random order."""
     orders = []
@@ -165,16 +170,10 @@ def _orders(seed, sizes):
     return orders
 
 
-@pytest.mark.parametrize("boundary", ["torus", "open"])
-@pytest.mark.parametrize("distorts", [False, True])
-@pytest.mark.parametrize("size", [(8, 10), (9, 7)])
-def test_equals_random_order(make_exemplar, size, distorts, boundary):
-    sample = make_exemplar(1, 14, 13, seed=2, dtype=torch.float64)
-    recipe = ts.recipes.random_order(levels=2, neighborhood=3, parent=3, order_seed=5, boundary=boundary)
+def _turning(size):
+    """Angles and scales of an output, and what the references ask of them."""
     angle = torch.linspace(0, 170, size[0] * size[1], dtype=torch.float64).view(size)
     scale = torch.linspace(0.5, 1.9, size[0] * size[1], dtype=torch.float64).view(size)
-    controls = ts.Controls(angle=angle, scale=scale) if distorts else None
-    result = ts.synthesize(sample, size, recipe, controls=controls, seed=3)
 
     def field(level):
         def at(row, column):
@@ -187,14 +186,48 @@ def test_equals_random_order(make_exemplar, size, distorts, boundary):
 
         return at
 
+    return ts.Controls(angle=angle, scale=scale), field
+
+
+@pytest.mark.parametrize("boundary", ["torus", "open"])
+@pytest.mark.parametrize("distorts", [False, True])
+@pytest.mark.parametrize("size", [(8, 10), (9, 7)])
+def test_equals_random_order(make_exemplar, size, distorts, boundary):
+    sample = make_exemplar(1, 14, 13, seed=2, dtype=torch.float64)
+    recipe = ts.recipes.random_order(levels=2, neighborhood=3, parent=3, order_seed=5, boundary=boundary)
+    controls, field = _turning(size) if distorts else (None, None)
+    result = ts.synthesize(sample, size, recipe, controls=controls, seed=3)
     torus = boundary == "torus"
     levels = wei_levoy.pyramid(sample, 2, "reflect")
     noise = wei_levoy.pyramid(_noise(3, 1, size), 2, "circular" if torus else "reflect")
     noise = [wei_levoy.match(image, level) for image, level in zip(noise, levels, strict=True)]
-    sizes = [size, (size[0] // 2, size[1] // 2)]
     literal = random_order.synthesize(
         [_whole(torch.as_tensor(level)) for level in levels],
         [_whole(torch.as_tensor(image)) for image in noise],
-        _orders(5, sizes), 3, 3, torus, field if distorts else None,
+        _orders(5, _halved(size)), 3, 3, torus, field,
+    )  # fmt: skip
+    assert result.source[0].permute(1, 2, 0).tolist() == literal.tolist()
+
+
+@pytest.mark.parametrize("boundary", ["torus", "open"])
+@pytest.mark.parametrize("distorts", [False, True])
+@pytest.mark.parametrize("size", [(8, 10), (9, 7)])
+def test_equals_coherent_random_order(make_exemplar, size, distorts, boundary):
+    sample = make_exemplar(2, 14, 13, seed=2, dtype=torch.float64)
+    recipe = ts.recipes.random_order(
+        levels=2, neighborhood=3, parent=3, order_seed=5, boundary=boundary, search="coherence"
+    )
+    controls, field = _turning(size) if distorts else (None, None)
+    result = ts.synthesize(sample, size, recipe, controls=controls, seed=3)
+    sizes, generator = _halved(size), torch.Generator().manual_seed(3)
+    pixels = [height * width for height, width in sizes]
+    draws = [_Start(torch.rand(pixels[1], generator=generator, dtype=torch.float64), sizes[1][1])]
+    for level in (1, 1, 0, 0):
+        words = torch.randint(2**62, (pixels[level],), generator=generator)
+        draws.append(_Pass(words, sizes[level][1]))
+    taken = iter(draws)
+    literal = random_order.coherent(
+        [_whole(torch.as_tensor(level)) for level in wei_levoy.pyramid(sample, 2, "reflect")],
+        sizes, _orders(5, sizes), 3, 3, lambda: next(taken), boundary == "torus", field,
     )  # fmt: skip
     assert result.source[0].permute(1, 2, 0).tolist() == literal.tolist()

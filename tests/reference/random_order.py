@@ -5,7 +5,9 @@ after the other in random order with a symmetric neighborhood. A field of angle 
 the neighborhood in the output; the one in the sample keeps its shape. What is left open is settled as
 follows: angles are counter-clockwise as displayed; a distorted offset is rounded to the nearest pixel
 (halves to even); a coarser level sees the field's value in the middle of the pixels it covers; values are
-compared as whole numbers; ties go to the first candidate in raster order.
+compared as whole numbers; ties go to the first candidate in raster order. With Ashikhmin's search both passes
+choose among what continues the patches of the pixel and its neighbors, as he does; the coarsest level begins
+with random positions, and any other with the children of the coarser level's.
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+
+from tests.reference import ashikhmin
 
 
 def square(size, center):
@@ -94,3 +98,52 @@ def synthesize(samples, noise, orders, n, parent, torus, field=None):
             one = choose(place, result, [] if coarsest else mothers)
             source[place], output[place] = one, sample[one]
     return source
+
+
+def coherent(samples, sizes, orders, n, parent, draws, torus, field=None):
+    """The same with Ashikhmin's candidates; ``draws()`` gives the random numbers of the start and each pass."""
+    coarse = None
+    for level in reversed(range(len(samples))):
+        canvas = ashikhmin.Canvas(samples[level], sizes[level], torus)
+        result, mothers = square(n, center=False), [] if coarse is None else square(parent, center=True)
+        if coarse is None:
+            ashikhmin.start(canvas, ashikhmin.valid(canvas.sample, None, result, ()), draws())
+        else:
+            ashikhmin.inherit(canvas, coarse)
+        turning = field(level) if field else None
+        draw = draws()
+        first = (result, []) if coarse is None else ([], mothers)
+        at_once = {
+            place: continued(canvas, coarse, place, *first, n, draw, turning) for place in orders[level]
+        }
+        for place, source in at_once.items():
+            canvas.set(place, source)
+        draw = draws()
+        for place in orders[level]:
+            canvas.set(place, continued(canvas, coarse, place, result, mothers, n, draw, turning))
+        coarse = canvas
+    return coarse.source
+
+
+def continued(canvas, coarse, place, result, mothers, n, draw, turning):
+    """The best of what continues the patches around a place; ``turning`` gives its angle and scale."""
+    coarse_sample = None if coarse is None else coarse.sample
+    choices = ashikhmin.valid(canvas.sample, coarse_sample, result, mothers)
+
+    def turned(offset):
+        return distorted(offset, *turning(*place)) if turning else offset
+
+    def seen(offset):
+        return canvas.at(*ashikhmin.moved(place, turned(offset)))
+
+    def cost(candidate):
+        total = ashikhmin.above(canvas, seen, candidate, result)
+        for offset in mothers:
+            there = coarse.at(*ashikhmin.moved((place[0] // 2, place[1] // 2), turned(offset)))
+            if there is not None:
+                twin = ashikhmin.moved((candidate[0] // 2, candidate[1] // 2), offset)
+                total += ashikhmin.difference(coarse_sample[twin], coarse.value[there])
+        return total
+
+    offering = square(n, center=True)
+    return min(ashikhmin.candidates(canvas, place, seen, choices, draw, offering, False), key=cost)
