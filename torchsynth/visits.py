@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import torch
@@ -90,9 +91,14 @@ class _Visits:
     def canvas(self) -> Canvas:
         return self.canvases[self.level]
 
+    @cached_property
+    def refuses(self) -> bool:
+        """Whether a pixel may be left as it is, to come again."""
+        return self.fitted.sweep.accept.refuses
+
     def run(self, course: Course) -> None:
         """Visit stage after stage, to the end of the course."""
-        divisible = self.fitted.sweep.accept.refuses and len(self.canvas.source) > 1
+        divisible = self.refuses and len(self.canvas.source) > 1
         before = course.copy() if divisible else course
         while (stage := course.next_stage()) is not None:
             sites = stage.sites.to(self.draws.device)
@@ -146,7 +152,7 @@ class _Visits:
             course.fill(sites)
             self.canvas.known[sites.to(self.draws.device)] = True
             filled += len(sites)
-        if self.fitted.sweep.accept.refuses:
+        if self.refuses:
             self.advance(filled)
         if (
             filled == 0
@@ -163,7 +169,6 @@ class _Visits:
             How many pixels were visited, and which outputs refuse which of the last batch, if any do.
         """
         canvas, fitted = self.canvas, self.fitted
-        refuses = fitted.sweep.accept.refuses
         capacity = max(1, fitted.sweep.search.capacity(fitted.state) // len(canvas.source))
         most = group_size(len(canvas.source), len(fitted.weights))
         pending: list[_Visited] = []
@@ -182,7 +187,7 @@ class _Visits:
                 costs.append(piece.cost)
                 visited += size
                 if ends_batch:  # gather before scatter: a batch sees nothing of itself
-                    refused = _refused(pending) if refuses else None
+                    refused = _refused(pending) if self.refuses else None
                     for one in pending:
                         one.write(canvas)
                     pending.clear()
@@ -199,7 +204,7 @@ class _Visits:
 
     def _tell(self, visited: int, told: int, *, rest: bool = False) -> int:
         """Tell how many more pixels are done, the rest or once they are enough; returns how many were told."""
-        if visited - told < (1 if rest else _TOLD) or self.fitted.sweep.accept.refuses:
+        if visited - told < (1 if rest else _TOLD) or self.refuses:
             return told  # what may be undone is told when it will not be
         self.advance(visited - told)
         return visited

@@ -7,7 +7,8 @@ codebook may hold, or None;
 much memory that takes; ``capacity(state)`` says how many queries fit its memory budget;
 ``largest_term`` bounds its sums, so that they stay exact; ``has_sources`` says whether it proposes exemplar
 pixels; and ``search(state, query)`` proposes candidates with their costs. Which proposal wins is not its
-concern.
+concern. Two have a verb more: trees are grown ahead of fitting (``grow``, ``prepare``), for codebooks, and
+coherent search says what patches go on with (``continued``), for the search that prefers that.
 """
 
 from __future__ import annotations
