@@ -196,6 +196,7 @@ def test_what_needs_sources_is_refused_without_them(run, folder):
     (lambda: ts.Controls(scale=torch.zeros(3, 3)), "scale: must lie from 0.0625 to 16, but it is 0"),
     (lambda: ts.Controls(scale=torch.full((3, 3), torch.nan)), "scale: must be finite"),
     (lambda: ts.recipes.with_target(ts.recipes.wei_levoy(), passes=0), "passes: must be from 1 to 20"),
+    (lambda: ts.recipes.with_target(ts.recipes.wei_levoy(), passes=True), "passes: must be from 1 to 20, but it is True"),
     (lambda: ts.Controls(scale=torch.zeros(0, 5)), r"scale: must have shape \(H, W\)"),
     (lambda: checks.check_field(10**400, "angle", None), "angle: must be finite"),
     (lambda: checks.check_field(1e300, "scale", (0.5, 2.0)), "scale: must lie from 0.5 to 2, but it is 1e"),

@@ -164,7 +164,7 @@ def candidates(layers: Sequence[Layer], planes: Planes, level: int) -> Region:
     cells = to_cells(torch.arange(height * width, device=usable.device), width)
     for layer in layers:
         whole = _whole_neighborhoods(layer, planes.of(layer, level))
-        if layer.steps_up == 0:
+        if layer.steps_up == 0:  # every pixel is its own parent
             usable &= whole
             continue
         centers = parents(cells, layer.steps_up)

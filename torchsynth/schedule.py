@@ -234,9 +234,8 @@ class Schedule:
         never = int(batch.max()) + 1
         batches = torch.cat((batch.masked_fill(~visited, never).flatten(), torch.tensor([never])))
         sites = visited.flatten().nonzero().squeeze(1)
-        ascending, order = (
-            batches[sites].int().sort(stable=True)
-        )  # in half the time, and enough: a level has fewer pixels
+        # There are no more batches than pixels; 32 bits are sorted in half the time of 64.
+        ascending, order = batches[sites].int().sort(stable=True)
         sizes = ascending.unique_consecutive(return_counts=True)[1].tolist()
         return cls(sites[order], sizes, batches)
 

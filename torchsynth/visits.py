@@ -40,7 +40,7 @@ def group_size(outputs: int, features: int) -> int:
 
 
 Advance: TypeAlias = Callable[[int], None]
-"""Told after each group how many more pixels are done."""
+"""Told now and then how many more pixels are done."""
 
 
 def run_sweep(
